@@ -1,0 +1,38 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "sim/soft_contact.h"
+
+namespace sole::sim {
+
+struct MotionOptions {
+  std::string motion = "stand";  ///< a name of MotionNames()
+  int frames = 10;
+  double rate_hz = 10;
+  std::uint64_t seed = 1;
+  double mean_load = 0.5;  ///< of body weight
+};
+
+struct MotionFrame {
+  double time_s = 0;
+  LoadedFoot foot;                           ///< contact vectors are all zero in the air
+  std::map<std::string, double> angles_rad;  ///< by JointAxis::name
+};
+
+struct FootMotion {
+  std::vector<Eigen::Vector3i> triangles;
+  std::vector<MotionFrame> frames;
+};
+
+/// "stand": quiet standing with sway; "rock": the load goes from heel to forefoot and back; "air": ankle and toe movement
+/// 20 to 60 mm above the plate.
+const std::vector<std::string>& MotionNames();
+
+/// Throws Error for an unknown motion, listing the known ones, or for impossible options.
+FootMotion MakeMotion(const Subject& subject, const MotionOptions& options);
+
+}  // namespace sole::sim

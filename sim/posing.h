@@ -1,0 +1,36 @@
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "core/rigid3.h"
+#include "sim/subject.h"
+
+namespace sole::sim {
+
+/// Joint angles by JointAxis::name; absent ones are 0. `fixed_bone` keeps its rest place in the foot
+/// frame, which world_from_foot then carries into the world.
+struct FootPose {
+  std::map<std::string, double> angles_rad;
+  std::string fixed_bone = "calcaneus";
+  Rigid3 world_from_foot;
+};
+
+struct PosedFoot {
+  std::vector<Eigen::Vector3d> vertices_m;  ///< world frame; triangles are FootTriangles(subject.side)
+  std::vector<Rigid3> world_from_rest;      ///< per bone, in the order of Bones(): rest pose to world
+};
+
+/// Poses the unloaded foot: bones move, the skin is brought back to the posed flesh. Angles beyond a joint's
+/// range are limited to it. Throws Error for an unknown angle or bone name.
+PosedFoot PoseFoot(const Subject& subject, const FootPose& pose);
+
+/// Carries the foot frame into the world so that the foot's middle stands above the plate's centre, toes
+/// towards +y.
+Rigid3 StandingPlacement(const Subject& subject);
+
+/// Toes lowered until their pulps touch the ground, as a standing person's do; otherwise at rest.
+FootPose StandingPose(const Subject& subject);
+
+}  // namespace sole::sim

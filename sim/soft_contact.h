@@ -1,0 +1,40 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "sim/posing.h"
+
+namespace sole::sim {
+
+struct ContactOptions {
+  double load_n = 0;  ///< 0 or less: no contact is sought, the pose stands as given
+  /// Centre of pressure along the foot, 0 = heel, 1 = toe tip; absent: tilt stays as posed and only the height is solved.
+  std::optional<double> pressure_centre_y;
+  std::optional<double> pressure_centre_x_m;  ///< in the foot frame; absent: no roll is solved
+};
+
+/// A foot on the rigid plate z = 0, world frame. Vectors have one value per vertex.
+struct LoadedFoot {
+  PosedFoot foot;
+  std::vector<std::uint8_t> contact;  ///< gap to the plate below 0.1 mm
+  std::vector<double> penetration_m;  ///< shortening of the elastic column above the vertex
+  std::vector<double> pressure_pa;
+  std::vector<double> load_n;         ///< share of the load; sums to total_load_n
+  double total_load_n = 0;
+  Eigen::Vector2d pressure_centre_m = Eigen::Vector2d::Zero();  ///< world x, y
+  double contact_area_m2 = 0;
+  bool balanced = false;  ///< load and centre of pressure reached within 1 %
+};
+
+/// Presses a posed foot on the plate: elastic columns over the bones carry the load, height and tilt
+/// are solved for balance, the skin is laid on the plate, leaves it with a smooth profile and bulges sideways.
+LoadedFoot PressOnPlate(const Subject& subject, const FootPose& pose, const ContactOptions& options);
+
+/// Quiet standing: StandingPose with the arch lowered by the load.
+LoadedFoot StandOnPlate(const Subject& subject, double load_n, double pressure_centre_y = 0.42);
+
+}  // namespace sole::sim
