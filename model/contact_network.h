@@ -1,0 +1,39 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <span>
+
+#include "model/foot_model.h"
+
+namespace sole::model {
+
+/// Slope of the leaky ReLU between the network's layers, and how many shape coefficients it sees.
+inline constexpr double kNetworkSlope = 0.1;
+inline constexpr Eigen::Index kNetworkBetas = 2;
+
+/// 4K quaternion features + 2 shape coefficients + N contact values.
+Eigen::Index NumNetworkInputs(Eigen::Index num_joints, Eigen::Index num_vertices);
+
+/// Input of the network; beta may be short and contact empty, what is missing counts as zero.
+Eigen::VectorXd NetworkInput(const Eigen::MatrixX3d& theta, const Eigen::VectorXd& beta,
+                             const Eigen::VectorXd& contact, Eigen::Index num_vertices);
+
+/// Network value (3N, metres): leaky ReLU after every layer but the last, which is linear.
+Eigen::VectorXd EvaluateNetwork(std::span<const NetworkLayer> layers, const Eigen::VectorXd& input);
+
+/// Derivative of the value along the columns of `directions` (inputs x M): 3N x M.
+Eigen::MatrixXd NetworkDerivative(std::span<const NetworkLayer> layers,
+                                  const Eigen::VectorXd& input, const Eigen::MatrixXd& directions);
+
+/// Contact-conditioned offsets B_C of a variant, stacked (3N or 3 N_fine); the fine ones through
+/// `upsampling`. Empty where the model has no network.
+Eigen::VectorXd ContactOffsets(const FootModel& model, Variant variant,
+                               const Eigen::MatrixX3d& theta, const Eigen::VectorXd& beta,
+                               const Eigen::VectorXd& contact);
+
+/// Their derivative, columns theta (3K) then the first min(B, 2) shape coefficients.
+Eigen::MatrixXd ContactOffsetsJacobian(const FootModel& model, Variant variant,
+                                       const Eigen::MatrixX3d& theta, const Eigen::VectorXd& beta,
+                                       const Eigen::VectorXd& contact);
+
+}  // namespace sole::model

@@ -1,0 +1,202 @@
+#include "model/foot_model.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <cstddef>
+
+#include "core/error.h"
+#include "model/contact_network.h"
+#include "model/pose_features.h"
+
+namespace sole::model {
+namespace {
+
+void CheckSize(Eigen::Index actual, Eigen::Index wanted, const char* what) {
+  Require(actual == wanted,
+          fmt::format("foot model: {} is {}, expected {}; the file is damaged or of another model",
+                      what, actual, wanted));
+}
+
+void CheckTriangles(const ModelSurface& surface, const std::string& name) {
+  const Eigen::Index n = surface.NumVertices();
+  for (Eigen::Index t = 0; t < surface.triangles.rows(); ++t) {
+    for (int corner = 0; corner < 3; ++corner) {
+      const int vertex = surface.triangles(t, corner);
+      Require(vertex >= 0 && vertex < n,
+              fmt::format("foot model: {} triangle {} names vertex {} of {}", name, t, vertex, n));
+    }
+  }
+}
+
+void CheckSurface(const ModelSurface& surface, const FootModel& model, const std::string& name) {
+  const Eigen::Index n = surface.NumVertices();
+  CheckTriangles(surface, name);
+  CheckSize(surface.weights.rows(), n, (name + " weights' number of rows").c_str());
+  CheckSize(surface.weights.cols(), model.NumJoints(),
+            (name + " weights' number of columns").c_str());
+  CheckSize(surface.shapedirs.rows(), 3 * n, (name + " shapedirs' number of coordinates").c_str());
+  CheckSize(surface.shapedirs.cols(), model.NumBetas(),
+            (name + " shapedirs' number of shapes").c_str());
+  if (surface.posedirs.cols() > 0) {
+    CheckSize(surface.posedirs.rows(), 3 * n, (name + " posedirs' number of coordinates").c_str());
+    CheckSize(surface.posedirs.cols(), NumPoseFeatures(model.family, model.NumJoints()),
+              (name + " posedirs' number of features").c_str());
+  }
+  const double finite = surface.template_m.sum() + surface.weights.sum() + surface.shapedirs.sum() +
+                        surface.posedirs.sum();
+  Require(std::isfinite(finite),
+          "foot model: " + name + " surface holds values that are not numbers");
+  const double worst = n == 0 ? 0 : (surface.weights.rowwise().sum().array() - 1).abs().maxCoeff();
+  Require(
+      worst < 1e-3,
+      fmt::format("foot model: {} weights of a vertex sum to 1 {:+.3g}, expected 1", name, worst));
+}
+
+void CheckTree(const FootModel& model) {
+  Require(!model.parents.empty() && model.parents[0] == -1, "foot model: joint 0 is not the root");
+  for (std::size_t j = 1; j < model.parents.size(); ++j) {
+    Require(model.parents[j] >= 0 && model.parents[j] < static_cast<int>(j),
+            fmt::format("foot model: parent {} of joint {} does not come before it",
+                        model.parents[j], j));
+  }
+  if (!model.joint_names.empty()) {
+    CheckSize(static_cast<Eigen::Index>(model.joint_names.size()), model.NumJoints(),
+              "number of joint names");
+  }
+}
+
+void CheckUpsampling(const FootModel& model) {
+  if (!model.HasFine()) return;
+  Require(model.fine.NumVertices() >= model.NumVertices(),
+          "foot model: fine variant has fewer vertices than the coarse");
+  if (model.upsampling.empty() && model.network.empty()) return;
+  CheckSize(static_cast<Eigen::Index>(model.upsampling.size()), model.fine.NumVertices(),
+            "number of upsampling rows");
+  for (const UpsamplingRow& row : model.upsampling) {
+    for (const auto& [vertex, weight] : row) {
+      Require(
+          vertex >= 0 && vertex < model.NumVertices() && std::isfinite(weight),
+          fmt::format("foot model: upsampling names vertex {} of {}", vertex, model.NumVertices()));
+    }
+  }
+}
+
+void CheckRegressor(const FootModel& model) {
+  const Eigen::Index k = model.NumJoints(), n = model.NumVertices();
+  const Eigen::MatrixXd& regressor = model.joint_regressor;
+  const bool sparse = regressor.rows() == k && regressor.cols() == n;
+  const bool affine = regressor.rows() == 3 * k && regressor.cols() == 3 * n + 1;
+  Require(sparse || affine,
+          fmt::format("foot model: J_regressor is {} x {}, expected {} x {} or {} x {}",
+                      regressor.rows(), regressor.cols(), k, n, 3 * k, 3 * n + 1));
+  Require(regressor.allFinite(), "foot model: J_regressor holds values that are not numbers");
+}
+
+void CheckOthers(const FootModel& model) {
+  const Eigen::Index n = model.NumVertices();
+  Require(model.mirror_axis >= 0 && model.mirror_axis < 3,
+          fmt::format("foot model: mirror axis {} is not 0, 1 or 2", model.mirror_axis));
+  if (model.activations.size() > 0) {
+    CheckSize(model.activations.rows(), n, "activations' number of rows");
+    CheckSize(model.activations.cols(), model.NumJoints(), "activations' number of columns");
+  }
+  if (!model.material.empty())
+    CheckSize(static_cast<Eigen::Index>(model.material.size()), n, "number of material points");
+  for (const Landmark& landmark : model.landmarks) {
+    Require(landmark.vertex >= 0 && landmark.vertex < n,
+            fmt::format("foot model: landmark '{}' names vertex {} of {}", landmark.name,
+                        landmark.vertex, n));
+  }
+  if (model.network.empty()) return;
+  CheckSize(model.network.front().weight.cols(), NumNetworkInputs(model.NumJoints(), n),
+            "network's number of inputs");
+  CheckSize(model.network.back().weight.rows(), 3 * n, "network's number of outputs");
+  for (std::size_t l = 0; l < model.network.size(); ++l) {
+    CheckSize(model.network[l].bias.size(), model.network[l].weight.rows(), "network layer's bias");
+    if (l > 0)
+      CheckSize(model.network[l].weight.cols(), model.network[l - 1].weight.rows(),
+                "network layer's number of inputs");
+  }
+}
+
+DerivedModelData::Influences InfluencesFrom(const Eigen::MatrixXd& weights) {
+  DerivedModelData::Influences influences;
+  influences.start.push_back(0);
+  for (Eigen::Index i = 0; i < weights.rows(); ++i) {
+    for (Eigen::Index j = 0; j < weights.cols(); ++j) {
+      if (weights(i, j) == 0) continue;
+      influences.joint.push_back(static_cast<int>(j));
+      influences.weight.push_back(weights(i, j));
+    }
+    influences.start.push_back(static_cast<int>(influences.joint.size()));
+  }
+  return influences;
+}
+
+/// Joints (stacked, 3K) of stacked vertex coordinates (3N x M); `offset` = 1 for positions, 0 for
+/// differences.
+Eigen::MatrixXd RegressJoints(const FootModel& model, const Eigen::MatrixXd& stacked,
+                              double offset) {
+  const Eigen::Index k = model.NumJoints(), n = model.NumVertices();
+  if (model.joint_regressor.cols() == 3 * n + 1) {
+    Eigen::MatrixXd joints = model.joint_regressor.leftCols(3 * n) * stacked;
+    joints.colwise() += offset * model.joint_regressor.col(3 * n);
+    return joints;
+  }
+  Eigen::MatrixXd joints(3 * k, stacked.cols());
+  for (Eigen::Index m = 0; m < stacked.cols(); ++m) {
+    const Eigen::Map<const Eigen::Matrix3Xd> positions(stacked.col(m).data(), 3, n);
+    Eigen::Map<Eigen::Matrix3Xd>(joints.col(m).data(), 3, k) =
+        positions * model.joint_regressor.transpose();
+  }
+  return joints;
+}
+
+}  // namespace
+
+void Prepare(FootModel& model) {
+  CheckTree(model);
+  CheckSurface(model.coarse, model, "coarse");
+  if (model.HasFine()) CheckSurface(model.fine, model, "fine");
+  CheckUpsampling(model);
+  CheckRegressor(model);
+  CheckOthers(model);
+  const Eigen::Index k = model.NumJoints(), n = model.NumVertices();
+  const Eigen::Matrix3Xd positions = model.coarse.template_m.transpose();
+  const Eigen::MatrixXd joints =
+      RegressJoints(model, Eigen::Map<const Eigen::VectorXd>(positions.data(), 3 * n), 1);
+  model.derived.joints_m = Eigen::Map<const Eigen::Matrix3Xd>(joints.data(), 3, k).transpose();
+  model.derived.joint_shapedirs = RegressJoints(model, model.coarse.shapedirs, 0);
+  model.derived.coarse = InfluencesFrom(model.coarse.weights);
+  model.derived.fine = InfluencesFrom(model.fine.weights);
+}
+
+const ModelSurface& SurfaceOf(const FootModel& model, Variant variant) {
+  if (variant == Variant::kCoarse) return model.coarse;
+  Require(model.HasFine(), "foot model: it has no fine variant");
+  return model.fine;
+}
+
+const DerivedModelData::Influences& InfluencesOf(const FootModel& model, Variant variant) {
+  return variant == Variant::kCoarse ? model.derived.coarse : model.derived.fine;
+}
+
+TriangleMesh TemplateMesh(const FootModel& model, Variant variant) {
+  return MeshOf(model, variant, SurfaceOf(model, variant).template_m);
+}
+
+TriangleMesh MeshOf(const FootModel& model, Variant variant, const Eigen::MatrixX3d& vertices_m) {
+  const ModelSurface& surface = SurfaceOf(model, variant);
+  Require(vertices_m.rows() == surface.NumVertices(),
+          fmt::format("foot model: {} vertices given for a surface of {}", vertices_m.rows(),
+                      surface.NumVertices()));
+  TriangleMesh mesh;
+  for (Eigen::Index i = 0; i < vertices_m.rows(); ++i)
+    mesh.vertices.emplace_back(vertices_m.row(i));
+  for (Eigen::Index t = 0; t < surface.triangles.rows(); ++t)
+    mesh.triangles.emplace_back(surface.triangles.row(t));
+  return mesh;
+}
+
+}  // namespace sole::model

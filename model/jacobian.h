@@ -1,0 +1,46 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <span>
+
+#include "core/mesh.h"
+#include "model/forward.h"
+
+namespace sole::model {
+
+/// Rows: 3 per point (x, y, z); row-major as Ceres wants it.
+using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+/// Columns of every Jacobian: theta joint by joint (3K), the given shape coefficients
+/// (parameters.beta.size()), then the translation (3).
+struct ParameterColumns {
+  Eigen::Index theta = 0;
+  Eigen::Index beta = 0;
+  Eigen::Index translation = 0;
+  Eigen::Index count = 0;
+};
+ParameterColumns ColumnsOf(const FootModel& model, const ModelParameters& parameters);
+
+/// Points with their derivatives.
+struct PointsJacobian {
+  Eigen::MatrixX3d points_m;  ///< M x 3
+  RowMatrix jacobian;         ///< 3M x columns
+};
+
+/// Vertices of a variant, all of them. The derivative includes correctives and the contact network
+/// with respect to theta and beta; contact itself is held fixed.
+PointsJacobian VertexJacobian(const FootModel& model, const ModelParameters& parameters,
+                              Variant variant);
+
+/// The vertices listed in `vertices` (indices of the variant), in that order.
+PointsJacobian VertexJacobian(const FootModel& model, const ModelParameters& parameters,
+                              Variant variant, std::span<const int> vertices);
+
+/// Points of the variant's surface.
+PointsJacobian SurfacePointJacobian(const FootModel& model, const ModelParameters& parameters,
+                                    Variant variant, std::span<const SurfacePoint> points);
+
+/// Posed joints, 3K rows.
+PointsJacobian JointJacobian(const FootModel& model, const ModelParameters& parameters);
+
+}  // namespace sole::model

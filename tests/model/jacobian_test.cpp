@@ -1,0 +1,125 @@
+#include "model/jacobian.h"
+
+#include <gtest/gtest.h>
+
+#include <vector>
+
+#include "core/error.h"
+#include "random_model.h"
+#include "tests/support/jacobian_checker.h"
+
+namespace sole::model {
+namespace {
+
+using testing::RandomModel;
+using testing::RandomParameters;
+
+Eigen::VectorXd Pack(const ModelParameters& p) {
+  const Eigen::Matrix3Xd theta = p.theta.transpose();
+  Eigen::VectorXd x(theta.size() + p.beta.size() + 3);
+  x << Eigen::Map<const Eigen::VectorXd>(theta.data(), theta.size()), p.beta, p.translation_m;
+  return x;
+}
+
+ModelParameters Unpack(ModelParameters p, const Eigen::VectorXd& x) {
+  const Eigen::Index turns = p.theta.size(), betas = p.beta.size();
+  p.theta = Eigen::Map<const Eigen::Matrix3Xd>(x.data(), 3, turns / 3).transpose();
+  p.beta = x.segment(turns, betas);
+  p.translation_m = x.tail<3>();
+  return p;
+}
+
+Eigen::VectorXd Stack(const Eigen::MatrixX3d& points) {
+  const Eigen::Matrix3Xd transposed = points.transpose();
+  return Eigen::Map<const Eigen::VectorXd>(transposed.data(), transposed.size());
+}
+
+void ExpectVertexJacobian(const FootModel& model, const ModelParameters& parameters,
+                          Variant variant) {
+  const PointsJacobian result = VertexJacobian(model, parameters, variant);
+  EXPECT_LT(
+      (result.points_m - Forward(model, parameters, variant).vertices_m).cwiseAbs().maxCoeff(),
+      1e-13);
+  const auto f = [&](const Eigen::VectorXd& x) {
+    return Stack(Forward(model, Unpack(parameters, x), variant).vertices_m);
+  };
+  testing_support::ExpectJacobianNear(f, Pack(parameters), result.jacobian, 2e-9);
+}
+
+TEST(VertexJacobian, MatchesNumericDerivativesForEveryFamilyAndVariant) {
+  for (const Family family : {Family::kSupr, Family::kStar, Family::kSmpl}) {
+    for (const bool affine : {false, true}) {
+      const FootModel model = RandomModel(family, 21, affine);
+      ExpectVertexJacobian(model, RandomParameters(model, 22), Variant::kCoarse);
+      ExpectVertexJacobian(model, RandomParameters(model, 23), Variant::kFine);
+    }
+  }
+}
+
+TEST(VertexJacobian, MatchesAtRestAndForTinyAndLargeAngles) {
+  const FootModel model = RandomModel(Family::kSupr, 24);
+  ModelParameters parameters = RandomParameters(model, 25);
+  parameters.theta.setZero();
+  ExpectVertexJacobian(model, parameters, Variant::kCoarse);
+  parameters.theta = RandomParameters(model, 26).theta * 1e-3;
+  ExpectVertexJacobian(model, parameters, Variant::kCoarse);
+  parameters.theta = RandomParameters(model, 26).theta * 5;
+  ExpectVertexJacobian(model, parameters, Variant::kCoarse);
+}
+
+TEST(VertexJacobian, WithFewerBetasAndWithoutNetwork) {
+  const FootModel model = RandomModel(Family::kStar, 27, false, false);
+  ModelParameters parameters = RandomParameters(model, 28);
+  for (const Eigen::Index betas : {3, 1, 0}) {
+    parameters.beta.conservativeResize(betas);
+    ExpectVertexJacobian(model, parameters, Variant::kFine);
+  }
+}
+
+TEST(VertexJacobian, SubsetIsTheRowsOfTheWhole) {
+  const FootModel model = RandomModel(Family::kSupr, 29);
+  const ModelParameters parameters = RandomParameters(model, 30);
+  const PointsJacobian whole = VertexJacobian(model, parameters, Variant::kFine);
+  const std::vector<int> vertices = {17, 0, 5};
+  const PointsJacobian some = VertexJacobian(model, parameters, Variant::kFine, vertices);
+  for (Eigen::Index m = 0; m < 3; ++m) {
+    const Eigen::Index i = vertices[static_cast<std::size_t>(m)];
+    EXPECT_EQ(some.points_m.row(m), whole.points_m.row(i));
+    EXPECT_EQ(some.jacobian.middleRows<3>(3 * m), whole.jacobian.middleRows<3>(3 * i));
+  }
+  EXPECT_THROW(VertexJacobian(model, parameters, Variant::kFine, std::vector<int>{20}), Error);
+}
+
+TEST(SurfacePointJacobian, MatchesNumericDerivatives) {
+  const FootModel model = RandomModel(Family::kSupr, 31);
+  const ModelParameters parameters = RandomParameters(model, 32);
+  const std::vector<SurfacePoint> points = {
+      {0, {0.2, 0.3, 0.5}}, {11, {1, 0, 0}}, {17, {0.6, -0.1, 0.5}}};
+  const PointsJacobian result = SurfacePointJacobian(model, parameters, Variant::kFine, points);
+  const auto f = [&](const Eigen::VectorXd& x) {
+    const TriangleMesh mesh = MeshOf(
+        model, Variant::kFine, Forward(model, Unpack(parameters, x), Variant::kFine).vertices_m);
+    Eigen::MatrixX3d positions(3, 3);
+    for (int m = 0; m < 3; ++m)
+      positions.row(m) = PositionOf(mesh, points[static_cast<std::size_t>(m)]);
+    return Stack(positions);
+  };
+  EXPECT_LT((Stack(result.points_m) - f(Pack(parameters))).cwiseAbs().maxCoeff(), 1e-13);
+  testing_support::ExpectJacobianNear(f, Pack(parameters), result.jacobian, 2e-9);
+}
+
+TEST(JointJacobian, MatchesNumericDerivatives) {
+  for (const bool affine : {false, true}) {
+    const FootModel model = RandomModel(Family::kSmpl, 33, affine);
+    const ModelParameters parameters = RandomParameters(model, 34);
+    const PointsJacobian result = JointJacobian(model, parameters);
+    const auto f = [&](const Eigen::VectorXd& x) {
+      return Stack(Forward(model, Unpack(parameters, x)).joints_m);
+    };
+    EXPECT_LT((Stack(result.points_m) - f(Pack(parameters))).cwiseAbs().maxCoeff(), 1e-13);
+    testing_support::ExpectJacobianNear(f, Pack(parameters), result.jacobian, 2e-9);
+  }
+}
+
+}  // namespace
+}  // namespace sole::model
