@@ -37,6 +37,7 @@ struct FrameFit {
   Eigen::MatrixX3d vertices_m;          ///< N x 3, the posed model, world frame
   Eigen::MatrixX3d registration_m;      ///< N x 3, free registration
   Eigen::MatrixX3d registration_fine_m; ///< N_fine x 3
+  Eigen::VectorXd registration_sd_m;    ///< N, along the normal; large where the scan has no points
   Eigen::MatrixX3d theta_sd;            ///< K x 3
   Eigen::VectorXd vertex_sd_m;          ///< N
   double residual_m = 0;                ///< mean scan-to-surface distance of the registration

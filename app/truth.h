@@ -1,0 +1,31 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "core/fit_sequence.h"
+#include "core/mesh.h"
+
+namespace sole::app {
+
+/// Truth of one trigger of a simulated take.
+struct FrameTruth {
+  std::int64_t trigger = 0;
+  TriangleMesh mesh;                              ///< world frame, constant vertex order
+  std::vector<std::vector<std::uint8_t>> visible; ///< pair x vertex: seen by both cameras and lit
+};
+
+/// truth/ of a simulated take (docs/formats.md). Only scoring reads it, never a stage.
+struct TakeTruth {
+  Side side = Side::kRight;
+  std::vector<FrameTruth> frames;
+  std::map<std::string, double> measures_mm;
+};
+
+/// Throws Error naming what is missing or does not fit together.
+TakeTruth ReadTruth(const std::filesystem::path& take);
+
+}  // namespace sole::app

@@ -1,0 +1,233 @@
+#include "model/pose_fit.h"
+
+#include <cmath>
+#include <vector>
+
+#include <Eigen/Dense>
+#include <ceres/ceres.h>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include "core/error.h"
+#include "model/jacobian.h"
+#include "model/mesh_topology.h"
+#include "model/surface_query.h"
+
+namespace sole::model {
+namespace {
+
+/// Correspondences of one round: scan points, places of the model surface and IRLS weights.
+struct Correspondences {
+  std::vector<SurfacePoint> places;
+  std::vector<Eigen::Vector3d> targets;
+  std::vector<Eigen::Vector3d> normals;
+  std::vector<double> weights;  ///< square roots, with 1 / sigma and the effective number of points
+  double cost = 0;
+  double residual_m = 0;
+  double matched = 0;
+};
+
+Correspondences FindCorrespondences(const FootModel& model, const PointCloud& scan,
+                                    const ModelParameters& parameters, const PoseFitStage& stage,
+                                    const PoseFitOptions& options) {
+  const Variant variant = model.HasFine() ? Variant::kFine : Variant::kCoarse;
+  const TriangleMesh surface = MeshOf(model, variant, Forward(model, parameters, variant).vertices_m);
+  const SurfaceQuery query(surface);
+  const std::vector<Eigen::Vector3d> normals = VertexNormals(surface);
+  const std::vector<bool> boundary = BoundaryVertices(surface);
+  struct Found {
+    SurfacePoint place;
+    Eigen::Vector3d normal;
+    double distance_m = -1;
+    bool beyond = false;
+  };
+  std::vector<Found> found(scan.Size());
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, scan.Size(), 128), [&](const auto& range) {
+    for (std::size_t i = range.begin(); i < range.end(); ++i) {
+      const auto hit = query.Closest(scan.points_m[i].cast<double>(), stage.radius_m);
+      if (!hit) continue;
+      const Eigen::Vector3i& t = surface.triangles[static_cast<std::size_t>(hit->point.triangle)];
+      Eigen::Vector3d normal = Eigen::Vector3d::Zero();
+      for (int k = 0; k < 3; ++k) {
+        const auto v = static_cast<std::size_t>(t[k]);
+        normal += hit->point.barycentric[k] * normals[v];
+        found[i].beyond |= boundary[v] && hit->point.barycentric[k] > 0.99;
+      }
+      normal.normalize();
+      if (!scan.normals.empty() &&
+          scan.normals[i].cast<double>().dot(normal) < options.minimum_normal_cosine) {
+        continue;
+      }
+      found[i].place = hit->point;
+      found[i].normal = normal;
+      found[i].distance_m = hit->distance_m;
+    }
+  });
+
+  Correspondences result;
+  const double kernel2 = stage.kernel_m * stage.kernel_m;
+  std::size_t considered = 0;
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    if (found[i].beyond) continue;  // belongs to the shank above the model
+    ++considered;
+    if (found[i].distance_m < 0) {
+      result.cost += 1;
+      continue;
+    }
+    const double r2 = found[i].distance_m * found[i].distance_m;
+    result.cost += r2 / (r2 + kernel2);
+    result.residual_m += found[i].distance_m;
+    result.places.push_back(found[i].place);
+    result.targets.push_back(scan.points_m[i].cast<double>());
+    result.normals.push_back(found[i].normal);
+    result.weights.push_back(kernel2 / (r2 + kernel2));  // square root of the IRLS weight
+  }
+  const auto count = static_cast<double>(result.places.size());
+  result.matched = considered ? count / static_cast<double>(considered) : 0;
+  result.cost = considered ? result.cost / static_cast<double>(considered) : 1;
+  if (count > 0) {
+    result.residual_m /= count;
+    const double scale = std::sqrt(options.effective_points / count) / stage.sigma_m;
+    for (double& w : result.weights) w *= scale;
+  }
+  return result;
+}
+
+/// Point-to-plane distances of fixed correspondences. Parameters: theta (3K, joint by joint), beta,
+/// translation.
+class SurfaceCost : public ceres::CostFunction {
+ public:
+  SurfaceCost(const FootModel& model, const ModelParameters& shape, const Correspondences& matches)
+      : model_(model), sizes_(shape), matches_(matches) {
+    set_num_residuals(static_cast<int>(matches.places.size()));
+    mutable_parameter_block_sizes()->push_back(static_cast<int>(3 * model.NumJoints()));
+    mutable_parameter_block_sizes()->push_back(static_cast<int>(shape.beta.size()));
+    mutable_parameter_block_sizes()->push_back(3);
+  }
+
+  bool Evaluate(double const* const* blocks, double* residuals, double** jacobians) const override {
+    ModelParameters parameters = sizes_;
+    for (Eigen::Index j = 0; j < parameters.theta.rows(); ++j) {
+      for (Eigen::Index k = 0; k < 3; ++k) parameters.theta(j, k) = blocks[0][3 * j + k];
+    }
+    for (Eigen::Index b = 0; b < parameters.beta.size(); ++b) parameters.beta[b] = blocks[1][b];
+    parameters.translation_m = Eigen::Vector3d(blocks[2][0], blocks[2][1], blocks[2][2]);
+    const Variant variant = model_.HasFine() ? Variant::kFine : Variant::kCoarse;
+    const PointsJacobian points = SurfacePointJacobian(model_, parameters, variant, matches_.places);
+    const ParameterColumns columns = ColumnsOf(model_, parameters);
+    const Eigen::Index first[3] = {columns.theta, columns.beta, columns.translation};
+    for (std::size_t i = 0; i < matches_.places.size(); ++i) {
+      const auto row = static_cast<Eigen::Index>(i);
+      const Eigen::Vector3d n = matches_.weights[i] * matches_.normals[i];
+      residuals[i] = n.dot(points.points_m.row(row).transpose() - matches_.targets[i]);
+      if (!jacobians) continue;
+      for (std::size_t block = 0; block < 3; ++block) {
+        if (!jacobians[block]) continue;
+        const int size = parameter_block_sizes()[block];
+        Eigen::Map<Eigen::RowVectorXd>(jacobians[block] + i * static_cast<std::size_t>(size), size) =
+            n.transpose() * points.jacobian.block(3 * row, first[block], 3, size);
+      }
+    }
+    return true;
+  }
+
+ private:
+  const FootModel& model_;
+  ModelParameters sizes_;
+  const Correspondences& matches_;
+};
+
+/// Deviation of a block from zero, each value over its standard deviation; infinite ones do not count.
+class PriorCost : public ceres::CostFunction {
+ public:
+  explicit PriorCost(Eigen::VectorXd weights) : weights_(std::move(weights)) {
+    set_num_residuals(static_cast<int>(weights_.size()));
+    mutable_parameter_block_sizes()->push_back(static_cast<int>(weights_.size()));
+  }
+  bool Evaluate(double const* const* blocks, double* residuals, double** jacobians) const override {
+    for (Eigen::Index i = 0; i < weights_.size(); ++i) residuals[i] = weights_[i] * blocks[0][i];
+    if (jacobians && jacobians[0]) {
+      Eigen::Map<RowMatrix>(jacobians[0], weights_.size(), weights_.size()) = weights_.asDiagonal();
+    }
+    return true;
+  }
+
+ private:
+  Eigen::VectorXd weights_;
+};
+
+Eigen::VectorXd JointPriorWeights(const FootModel& model, const PoseFitOptions& options) {
+  Eigen::VectorXd weights = Eigen::VectorXd::Constant(3 * model.NumJoints(), 1 / options.joint_prior_sd);
+  weights.head<3>().setZero();
+  return weights;
+}
+
+}  // namespace
+
+PoseFit FitPose(const FootModel& model, const PointCloud& scan, const ModelParameters& start,
+                const PoseFitStage& stage, const PoseFitOptions& options) {
+  CheckParameters(model, start);
+  Require(stage.rounds >= 1 && stage.radius_m > 0 && stage.kernel_m > 0 && stage.sigma_m > 0,
+          "pose fit: rounds, radius, kernel and sigma must be positive");
+  PoseFit fit{start, 1, 0, 0, {}};
+  const Eigen::Index joints = model.NumJoints();
+  for (int round = 0; round < stage.rounds; ++round) {
+    const Correspondences matches = FindCorrespondences(model, scan, fit.parameters, stage, options);
+    if (matches.places.size() < 50) return fit;
+    Eigen::VectorXd theta(3 * joints);
+    for (Eigen::Index j = 0; j < joints; ++j) theta.segment<3>(3 * j) = fit.parameters.theta.row(j);
+    Eigen::VectorXd beta = fit.parameters.beta;
+    Eigen::Vector3d translation = fit.parameters.translation_m;
+
+    ceres::Problem problem;
+    problem.AddResidualBlock(new SurfaceCost(model, fit.parameters, matches), nullptr, theta.data(),
+                             beta.data(), translation.data());
+    problem.AddResidualBlock(new PriorCost(JointPriorWeights(model, options)), nullptr, theta.data());
+    problem.AddResidualBlock(new PriorCost(Eigen::VectorXd::Ones(beta.size())), nullptr, beta.data());
+    if (!stage.free_joints) {
+      std::vector<int> held;
+      for (int i = 3; i < 3 * joints; ++i) held.push_back(i);
+      problem.SetManifold(theta.data(), new ceres::SubsetManifold(static_cast<int>(3 * joints), held));
+    }
+    if (!stage.free_shape) problem.SetParameterBlockConstant(beta.data());
+    ceres::Solver::Options solver;
+    solver.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
+    solver.max_num_iterations = options.solver_iterations;
+    solver.logging_type = ceres::SILENT;
+    solver.num_threads = 1;
+    ceres::Solver::Summary summary;
+    ceres::Solve(solver, &problem, &summary);
+
+    for (Eigen::Index j = 0; j < joints; ++j) fit.parameters.theta.row(j) = theta.segment<3>(3 * j);
+    fit.parameters.beta = beta;
+    fit.parameters.translation_m = translation;
+  }
+  const Correspondences last = FindCorrespondences(model, scan, fit.parameters, stage, options);
+  fit.cost = last.cost;
+  fit.residual_m = last.residual_m;
+  fit.matched = last.matched;
+  return fit;
+}
+
+void AddCovariance(const FootModel& model, const PointCloud& scan, const PoseFitStage& stage,
+                   const PoseFitOptions& options, PoseFit& fit) {
+  const Correspondences matches = FindCorrespondences(model, scan, fit.parameters, stage, options);
+  const Variant variant = model.HasFine() ? Variant::kFine : Variant::kCoarse;
+  const PointsJacobian points = SurfacePointJacobian(model, fit.parameters, variant, matches.places);
+  const ParameterColumns columns = ColumnsOf(model, fit.parameters);
+  Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(columns.count, columns.count);
+  for (std::size_t i = 0; i < matches.places.size(); ++i) {
+    const Eigen::RowVectorXd row = matches.weights[i] * matches.normals[i].transpose() *
+                                   points.jacobian.middleRows<3>(static_cast<Eigen::Index>(3 * i));
+    normal.selfadjointView<Eigen::Lower>().rankUpdate(row.transpose());
+  }
+  normal = normal.selfadjointView<Eigen::Lower>();
+  normal.diagonal().segment(columns.theta, 3 * model.NumJoints()) +=
+      JointPriorWeights(model, options).cwiseAbs2();
+  normal.diagonal().segment(columns.beta, fit.parameters.beta.size()).array() += 1;
+  // Root and translation carry no prior; a hair of one keeps the matrix invertible without points.
+  normal.diagonal().array() += 1e-9;
+  fit.covariance = normal.ldlt().solve(Eigen::MatrixXd::Identity(columns.count, columns.count));
+}
+
+}  // namespace sole::model

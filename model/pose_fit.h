@@ -1,0 +1,45 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "core/point_cloud.h"
+#include "model/forward.h"
+
+namespace sole::model {
+
+/// One stage of the annealed fit of a posed model to a scan.
+struct PoseFitStage {
+  int rounds = 5;             ///< correspondence searches
+  double radius_m = 0.01;     ///< scan points further from the surface are left out
+  double kernel_m = 0.002;    ///< scale s of Geman-McClure, rho(r) = r^2 / (r^2 + s^2)
+  double sigma_m = 0.001;     ///< what one effective observation is worth
+  bool free_joints = true;    ///< false: only the root and the translation move
+  bool free_shape = true;
+};
+
+struct PoseFitOptions {
+  double effective_points = 400;       ///< scan points are correlated; together they count as this many
+  double minimum_normal_cosine = 0.3;  ///< between scan and surface normal
+  double joint_prior_sd = 0.3;         ///< rad, every joint but the root
+  int solver_iterations = 4;           ///< Levenberg-Marquardt steps between two searches
+};
+
+/// State of a fit and how good it is.
+struct PoseFit {
+  ModelParameters parameters;
+  double cost = 0;        ///< mean robust cost over all scan points, 0 (all on the surface) to 1 (all far away)
+  double residual_m = 0;  ///< mean distance of the matched points
+  double matched = 0;     ///< share of scan points with a correspondence
+  Eigen::MatrixXd covariance;  ///< of [theta (3K), beta, translation (3)]; empty until asked for
+};
+
+/// Fits theta, beta and translation to a scan by Levenberg-Marquardt (Ceres) on point-to-plane distances with
+/// priors on joints and shape (energies E_g, E_theta, E_beta), searching correspondences anew every round.
+PoseFit FitPose(const FootModel& model, const PointCloud& scan, const ModelParameters& start,
+                const PoseFitStage& stage, const PoseFitOptions& options = {});
+
+/// Fills `covariance` from the normal equations at the solution.
+void AddCovariance(const FootModel& model, const PointCloud& scan, const PoseFitStage& stage,
+                   const PoseFitOptions& options, PoseFit& fit);
+
+}  // namespace sole::model

@@ -1,0 +1,209 @@
+#include "model/registration.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include <Eigen/SparseCholesky>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include "core/error.h"
+#include "model/mesh_topology.h"
+#include "model/surface_query.h"
+
+namespace sole::model {
+namespace {
+
+/// A scan point and the place of the surface it belongs to.
+struct Match {
+  SurfacePoint point;
+  Eigen::Vector3d normal;
+  Eigen::Vector3d target;
+  double weight = 0;  ///< 0 = unmatched
+  double distance_m = 0;
+};
+
+std::vector<Match> FindMatches(const TriangleMesh& surface, const std::vector<bool>& boundary,
+                               const PointCloud& scan, double radius_m, const RegistrationOptions& options) {
+  const SurfaceQuery query(surface);
+  const std::vector<Eigen::Vector3d> normals = VertexNormals(surface);
+  std::vector<Match> matches(scan.Size());
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, scan.Size(), 256), [&](const auto& range) {
+    for (std::size_t i = range.begin(); i < range.end(); ++i) {
+      const Eigen::Vector3d p = scan.points_m[i].cast<double>();
+      const auto hit = query.Closest(p, radius_m);
+      if (!hit) continue;
+      const Eigen::Vector3i& t = surface.triangles[static_cast<std::size_t>(hit->point.triangle)];
+      Eigen::Vector3d normal = Eigen::Vector3d::Zero();
+      bool beyond = false;
+      for (int k = 0; k < 3; ++k) {
+        const auto v = static_cast<std::size_t>(t[k]);
+        normal += hit->point.barycentric[k] * normals[v];
+        beyond |= boundary[v] && hit->point.barycentric[k] > 0.99;
+      }
+      normal.normalize();
+      if (beyond) continue;
+      if (!scan.normals.empty() &&
+          scan.normals[i].cast<double>().dot(normal) < options.minimum_normal_cosine) {
+        continue;
+      }
+      matches[i] = {hit->point, normal, p, 1.0, hit->distance_m};
+    }
+  });
+  return matches;
+}
+
+/// Adds the quadratic form of one scan point to the triplets (lower and upper part) and the right-hand side.
+void AddPoint(const Match& match, const Eigen::Vector3i& triangle, const Eigen::Vector3d& offset,
+              double tangential, std::vector<Eigen::Triplet<double>>& triplets, Eigen::VectorXd& right) {
+  const Eigen::Matrix3d form =
+      match.weight * ((1 - tangential) * match.normal * match.normal.transpose() +
+                      tangential * Eigen::Matrix3d::Identity());
+  const Eigen::Vector3d pull = form * offset;
+  for (int a = 0; a < 3; ++a) {
+    const double wa = match.point.barycentric[a];
+    if (wa == 0) continue;
+    right.segment<3>(3 * triangle[a]) += wa * pull;
+    for (int b = 0; b < 3; ++b) {
+      const double wb = match.point.barycentric[b];
+      if (wb == 0) continue;
+      for (int r = 0; r < 3; ++r) {
+        for (int c = 0; c < 3; ++c) {
+          triplets.emplace_back(3 * triangle[a] + r, 3 * triangle[b] + c, wa * wb * form(r, c));
+        }
+      }
+    }
+  }
+}
+
+/// One linear solve: displacements of all vertices from the model for fixed matches.
+Eigen::VectorXd SolveDisplacements(const TriangleMesh& model, const std::vector<std::pair<int, int>>& edges,
+                                   const std::vector<Match>& matches, double stiffness,
+                                   const RegistrationOptions& options) {
+  const auto size = static_cast<Eigen::Index>(3 * model.vertices.size());
+  std::vector<Eigen::Triplet<double>> triplets;
+  triplets.reserve(matches.size() * 81 + edges.size() * 12 + model.vertices.size() * 3);
+  Eigen::VectorXd right = Eigen::VectorXd::Zero(size);
+  for (const Match& match : matches) {
+    if (match.weight == 0) continue;
+    const Eigen::Vector3i& t = model.triangles[static_cast<std::size_t>(match.point.triangle)];
+    AddPoint(match, t, match.target - PositionOf(model, match.point), options.tangential, triplets, right);
+  }
+  for (const auto& [a, b] : edges) {
+    for (int k = 0; k < 3; ++k) {
+      triplets.emplace_back(3 * a + k, 3 * a + k, stiffness);
+      triplets.emplace_back(3 * b + k, 3 * b + k, stiffness);
+      triplets.emplace_back(3 * a + k, 3 * b + k, -stiffness);
+      triplets.emplace_back(3 * b + k, 3 * a + k, -stiffness);
+    }
+  }
+  for (Eigen::Index i = 0; i < size; ++i) triplets.emplace_back(i, i, options.anchor);
+  Eigen::SparseMatrix<double> system(size, size);
+  system.setFromTriplets(triplets.begin(), triplets.end());
+  const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> solver(system);
+  return solver.solve(right);
+}
+
+TriangleMesh Displaced(const TriangleMesh& model, const Eigen::VectorXd& displacements) {
+  TriangleMesh moved = model;
+  for (std::size_t i = 0; i < moved.vertices.size(); ++i) {
+    moved.vertices[i] += displacements.segment<3>(static_cast<Eigen::Index>(3 * i));
+  }
+  return moved;
+}
+
+/// Robust weights: Geman-McClure on the distance, with a scale that follows the median.
+void Reweight(std::vector<Match>& matches) {
+  std::vector<double> distances;
+  for (const Match& match : matches) {
+    if (match.weight > 0) distances.push_back(match.distance_m);
+  }
+  if (distances.empty()) return;
+  const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
+  std::nth_element(distances.begin(), middle, distances.end());
+  const double scale2 = std::pow(std::max(4 * *middle, 2e-4), 2);
+  for (Match& match : matches) {
+    if (match.weight > 0) match.weight = std::pow(scale2 / (scale2 + match.distance_m * match.distance_m), 2);
+  }
+}
+
+/// Support and standard deviation per vertex. Where the scan has no points the deviation grows with the number of
+/// edges to the nearest held vertex, half a millimetre an edge.
+void Uncertainty(const TriangleMesh& model, const std::vector<std::pair<int, int>>& edges,
+                 const PointCloud& scan, const std::vector<Match>& matches,
+                 const RegistrationOptions& options, Registration& result) {
+  const auto n = static_cast<Eigen::Index>(model.vertices.size());
+  result.support = Eigen::VectorXd::Zero(n);
+  Eigen::VectorXd information = Eigen::VectorXd::Zero(n);
+  for (std::size_t i = 0; i < matches.size(); ++i) {
+    if (matches[i].weight == 0) continue;
+    const double sigma = scan.sigma_m.empty() ? options.point_sigma_m : std::max(1e-6f, scan.sigma_m[i]);
+    const Eigen::Vector3i& t = model.triangles[static_cast<std::size_t>(matches[i].point.triangle)];
+    for (int k = 0; k < 3; ++k) {
+      const double share = matches[i].weight * matches[i].point.barycentric[k];
+      result.support[t[k]] += share;
+      information[t[k]] += share / (sigma * sigma);
+    }
+  }
+  result.sd_m = Eigen::VectorXd::Constant(n, 1.0);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    if (result.support[i] >= 0.5) result.sd_m[i] = 1 / std::sqrt(information[i]);
+  }
+  constexpr double kGrowthPerEdge_m = 0.0005;
+  for (bool changed = true; changed;) {
+    changed = false;
+    for (const auto& [a, b] : edges) {
+      for (const auto& [from, to] : {std::pair(a, b), std::pair(b, a)}) {
+        const double reached = result.sd_m[from] + kGrowthPerEdge_m;
+        if (result.support[to] < 0.5 && reached < result.sd_m[to] - 1e-12) {
+          result.sd_m[to] = reached;
+          changed = true;
+        }
+      }
+    }
+  }
+}
+
+}  // namespace
+
+Registration RegisterFree(const TriangleMesh& model, const PointCloud& scan,
+                          const RegistrationOptions& options) {
+  Require(options.iterations >= 1 && options.search_radius_m > 0 && options.final_radius_m > 0 &&
+              options.stiffness > 0 && options.final_stiffness > 0 && options.anchor > 0,
+          "registration: iterations, radii, stiffness and anchor must be positive");
+  const std::vector<std::pair<int, int>> edges = Edges(model);
+  const std::vector<bool> boundary = BoundaryVertices(model);
+  TriangleMesh surface = model;
+  std::vector<Match> matches;
+  for (int i = 0; i < options.iterations; ++i) {
+    const double progress = options.iterations == 1 ? 1.0 : double(i) / (options.iterations - 1);
+    const double radius =
+        options.search_radius_m * std::pow(options.final_radius_m / options.search_radius_m, progress);
+    const double stiffness = options.stiffness * std::pow(options.final_stiffness / options.stiffness, progress);
+    matches = FindMatches(surface, boundary, scan, radius, options);
+    Reweight(matches);
+    surface = Displaced(model, SolveDisplacements(model, edges, matches, stiffness, options));
+  }
+
+  Registration result;
+  matches = FindMatches(surface, boundary, scan, options.final_radius_m, options);
+  double sum = 0;
+  std::size_t found = 0;
+  for (const Match& match : matches) {
+    if (match.weight == 0) continue;
+    sum += match.distance_m;
+    ++found;
+  }
+  result.residual_m = found ? sum / static_cast<double>(found) : 0;
+  result.matched = scan.Size() ? static_cast<double>(found) / static_cast<double>(scan.Size()) : 0;
+  result.vertices_m.resize(static_cast<Eigen::Index>(surface.vertices.size()), 3);
+  for (std::size_t i = 0; i < surface.vertices.size(); ++i) {
+    result.vertices_m.row(static_cast<Eigen::Index>(i)) = surface.vertices[i].transpose();
+  }
+  Uncertainty(model, edges, scan, matches, options, result);
+  return result;
+}
+
+}  // namespace sole::model

@@ -1,0 +1,135 @@
+#include "model/surface_query.h"
+
+#include <limits>
+
+#include <Eigen/Geometry>
+#include <embree3/rtcore.h>
+
+#include "core/error.h"
+
+namespace sole::model {
+
+struct SurfaceQuery::State {
+  TriangleMesh mesh;
+  RTCDevice device = nullptr;
+  RTCScene scene = nullptr;
+
+  ~State() {
+    if (scene) rtcReleaseScene(scene);
+    if (device) rtcReleaseDevice(device);
+  }
+};
+
+namespace {
+
+struct QueryState {
+  const TriangleMesh* mesh;
+  Eigen::Vector3d query;
+  double best2;
+  SurfacePoint point;
+  Eigen::Vector3d position;
+};
+
+bool VisitTriangle(RTCPointQueryFunctionArguments* arguments) {
+  auto& state = *static_cast<QueryState*>(arguments->userPtr);
+  const auto index = static_cast<std::size_t>(arguments->primID);
+  const Eigen::Vector3i& t = state.mesh->triangles[index];
+  const auto corner = [&](int i) -> const Eigen::Vector3d& {
+    return state.mesh->vertices[static_cast<std::size_t>(t[i])];
+  };
+  const Eigen::Vector3d w = ClosestBarycentric(state.query, corner(0), corner(1), corner(2));
+  const Eigen::Vector3d position = w[0] * corner(0) + w[1] * corner(1) + w[2] * corner(2);
+  const double distance2 = (position - state.query).squaredNorm();
+  // Ties (shared edges and vertices) go to the lower index, so that results do not depend on visiting order.
+  const bool nearer = distance2 < state.best2 ||
+                      (distance2 == state.best2 && static_cast<int>(index) < state.point.triangle);
+  if (!nearer) return false;
+  state.best2 = distance2;
+  state.point = {static_cast<int>(index), w};
+  state.position = position;
+  // A little slack keeps equally near triangles in the search despite Embree's single precision.
+  arguments->query->radius = static_cast<float>(std::sqrt(distance2) * 1.00001 + 1e-7);
+  return true;
+}
+
+}  // namespace
+
+SurfaceQuery::SurfaceQuery(const TriangleMesh& mesh) : state_(std::make_unique<State>()) {
+  Require(!mesh.triangles.empty(), "surface query: the mesh has no triangles");
+  for (const Eigen::Vector3i& t : mesh.triangles) {
+    Require(t.minCoeff() >= 0 && t.maxCoeff() < static_cast<int>(mesh.vertices.size()),
+            "surface query: a triangle refers to a vertex that does not exist");
+  }
+  state_->mesh = mesh;
+  state_->device = rtcNewDevice("threads=1");
+  state_->scene = rtcNewScene(state_->device);
+  const RTCGeometry geometry = rtcNewGeometry(state_->device, RTC_GEOMETRY_TYPE_TRIANGLE);
+  auto* vertices = static_cast<float*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0,
+                                                               RTC_FORMAT_FLOAT3, 3 * sizeof(float),
+                                                               mesh.vertices.size()));
+  for (const Eigen::Vector3d& v : mesh.vertices) {
+    for (int k = 0; k < 3; ++k) *vertices++ = static_cast<float>(v[k]);
+  }
+  auto* indices = static_cast<unsigned*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0,
+                                                                 RTC_FORMAT_UINT3, 3 * sizeof(unsigned),
+                                                                 mesh.triangles.size()));
+  for (const Eigen::Vector3i& t : mesh.triangles) {
+    for (int k = 0; k < 3; ++k) *indices++ = static_cast<unsigned>(t[k]);
+  }
+  rtcCommitGeometry(geometry);
+  rtcAttachGeometry(state_->scene, geometry);
+  rtcReleaseGeometry(geometry);
+  rtcCommitScene(state_->scene);
+}
+
+SurfaceQuery::~SurfaceQuery() = default;
+SurfaceQuery::SurfaceQuery(SurfaceQuery&&) noexcept = default;
+SurfaceQuery& SurfaceQuery::operator=(SurfaceQuery&&) noexcept = default;
+
+std::optional<SurfaceQuery::Hit> SurfaceQuery::Closest(const Eigen::Vector3d& query, double radius_m) const {
+  QueryState state{&state_->mesh, query, radius_m * radius_m, {std::numeric_limits<int>::max(), {}}, {}};
+  RTCPointQuery point_query;
+  point_query.x = static_cast<float>(query.x());
+  point_query.y = static_cast<float>(query.y());
+  point_query.z = static_cast<float>(query.z());
+  point_query.radius = static_cast<float>(radius_m * 1.00001 + 1e-7);
+  point_query.time = 0;
+  RTCPointQueryContext context;
+  rtcInitPointQueryContext(&context);
+  rtcPointQuery(state_->scene, &point_query, &context, VisitTriangle, &state);
+  if (state.point.triangle == std::numeric_limits<int>::max()) return {};
+  return Hit{state.point, state.position, std::sqrt(state.best2)};
+}
+
+Eigen::Vector3d ClosestBarycentric(const Eigen::Vector3d& p, const Eigen::Vector3d& a,
+                                   const Eigen::Vector3d& b, const Eigen::Vector3d& c) {
+  // Regions of the triangle's plane (Ericson, Real-Time Collision Detection, 5.1.5).
+  const Eigen::Vector3d ab = b - a, ac = c - a, ap = p - a;
+  const double d1 = ab.dot(ap), d2 = ac.dot(ap);
+  if (d1 <= 0 && d2 <= 0) return {1, 0, 0};
+  const Eigen::Vector3d bp = p - b;
+  const double d3 = ab.dot(bp), d4 = ac.dot(bp);
+  if (d3 >= 0 && d4 <= d3) return {0, 1, 0};
+  const double vc = d1 * d4 - d3 * d2;
+  if (vc <= 0 && d1 >= 0 && d3 <= 0) {
+    const double v = d1 / (d1 - d3);
+    return {1 - v, v, 0};
+  }
+  const Eigen::Vector3d cp = p - c;
+  const double d5 = ab.dot(cp), d6 = ac.dot(cp);
+  if (d6 >= 0 && d5 <= d6) return {0, 0, 1};
+  const double vb = d5 * d2 - d1 * d6;
+  if (vb <= 0 && d2 >= 0 && d6 <= 0) {
+    const double w = d2 / (d2 - d6);
+    return {1 - w, 0, w};
+  }
+  const double va = d3 * d6 - d5 * d4;
+  if (va <= 0 && d4 - d3 >= 0 && d5 - d6 >= 0) {
+    const double w = (d4 - d3) / ((d4 - d3) + (d5 - d6));
+    return {0, 1 - w, w};
+  }
+  const double sum = va + vb + vc;
+  return {va / sum, vb / sum, vc / sum};
+}
+
+}  // namespace sole::model

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include <Eigen/Core>
+
+#include "core/mesh.h"
+
+namespace sole::model {
+
+/// Closest-point queries on a fixed triangle mesh, through Embree's bounding volumes; distances are
+/// evaluated in double precision. Build one per posed mesh; queries may run from several threads.
+class SurfaceQuery {
+ public:
+  /// Throws Error if the mesh has no triangles or indices out of range.
+  explicit SurfaceQuery(const TriangleMesh& mesh);
+  ~SurfaceQuery();
+  SurfaceQuery(SurfaceQuery&&) noexcept;
+  SurfaceQuery& operator=(SurfaceQuery&&) noexcept;
+
+  struct Hit {
+    SurfacePoint point;
+    Eigen::Vector3d position;
+    double distance_m = 0;
+  };
+  /// The point of the surface nearest to `query`, if one lies within `radius_m`.
+  std::optional<Hit> Closest(const Eigen::Vector3d& query, double radius_m) const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+/// Barycentric coordinates of the point of triangle a b c nearest to `p`.
+Eigen::Vector3d ClosestBarycentric(const Eigen::Vector3d& p, const Eigen::Vector3d& a,
+                                   const Eigen::Vector3d& b, const Eigen::Vector3d& c);
+
+}  // namespace sole::model
