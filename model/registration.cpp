@@ -129,8 +129,8 @@ void Reweight(std::vector<Match>& matches) {
   }
 }
 
-/// Support and standard deviation per vertex. Where the scan has no points the deviation grows with the number of
-/// edges to the nearest held vertex, half a millimetre an edge.
+/// Support and standard deviation per vertex. Where the scan has no points the deviation grows with the
+/// distance along the surface to the nearest held vertex, by a tenth of it.
 void Uncertainty(const TriangleMesh& model, const std::vector<std::pair<int, int>>& edges,
                  const PointCloud& scan, const std::vector<Match>& matches,
                  const RegistrationOptions& options, Registration& result) {
@@ -151,12 +151,14 @@ void Uncertainty(const TriangleMesh& model, const std::vector<std::pair<int, int
   for (Eigen::Index i = 0; i < n; ++i) {
     if (result.support[i] >= 0.5) result.sd_m[i] = 1 / std::sqrt(information[i]);
   }
-  constexpr double kGrowthPerEdge_m = 0.0005;
+  constexpr double kGrowth = 0.1;
   for (bool changed = true; changed;) {
     changed = false;
     for (const auto& [a, b] : edges) {
+      const double length =
+          (model.vertices[static_cast<std::size_t>(a)] - model.vertices[static_cast<std::size_t>(b)]).norm();
       for (const auto& [from, to] : {std::pair(a, b), std::pair(b, a)}) {
-        const double reached = result.sd_m[from] + kGrowthPerEdge_m;
+        const double reached = result.sd_m[from] + kGrowth * length;
         if (result.support[to] < 0.5 && reached < result.sd_m[to] - 1e-12) {
           result.sd_m[to] = reached;
           changed = true;

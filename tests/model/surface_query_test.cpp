@@ -1,0 +1,63 @@
+#include "model/surface_query.h"
+
+#include <random>
+
+#include <gtest/gtest.h>
+
+#include "core/error.h"
+#include "tests/support/meshes.h"
+
+namespace sole::model {
+namespace {
+
+using testing_support::Ellipsoid;
+
+TEST(ClosestBarycentric, BeatsEveryPointOfAFineGrid) {
+  std::mt19937_64 random(3);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  const auto draw = [&] { return Eigen::Vector3d(unit(random), unit(random), unit(random)); };
+  for (int trial = 0; trial < 200; ++trial) {
+    const Eigen::Vector3d a = draw(), b = draw(), c = draw(), p = 2 * draw();
+    const Eigen::Vector3d w = ClosestBarycentric(p, a, b, c);
+    EXPECT_NEAR(w.sum(), 1, 1e-12);
+    EXPECT_GE(w.minCoeff(), -1e-12);
+    const double distance = (w[0] * a + w[1] * b + w[2] * c - p).norm();
+    for (int i = 0; i <= 20; ++i) {
+      for (int j = 0; i + j <= 20; ++j) {
+        const Eigen::Vector3d q = (i * a + j * b + (20 - i - j) * c) / 20;
+        EXPECT_LE(distance, (q - p).norm() + 1e-12);
+      }
+    }
+  }
+}
+
+TEST(SurfaceQuery, AgreesWithBruteForce) {
+  const TriangleMesh mesh = Ellipsoid({0.05, 0.13, 0.04}, 20, 30);
+  const SurfaceQuery query(mesh);
+  std::mt19937_64 random(4);
+  std::uniform_real_distribution<double> unit(-0.15, 0.15);
+  for (int trial = 0; trial < 300; ++trial) {
+    const Eigen::Vector3d p(unit(random), unit(random), unit(random));
+    double best = 1e9;
+    for (const Eigen::Vector3i& t : mesh.triangles) {
+      const auto corner = [&](int k) { return mesh.vertices[static_cast<std::size_t>(t[k])]; };
+      const Eigen::Vector3d w = ClosestBarycentric(p, corner(0), corner(1), corner(2));
+      best = std::min(best, (w[0] * corner(0) + w[1] * corner(1) + w[2] * corner(2) - p).norm());
+    }
+    const auto hit = query.Closest(p, 1.0);
+    ASSERT_TRUE(hit);
+    EXPECT_NEAR(hit->distance_m, best, 1e-9);
+    EXPECT_LT((PositionOf(mesh, hit->point) - hit->position).norm(), 1e-12);
+    EXPECT_FALSE(query.Closest(p, 0.99 * best));
+  }
+}
+
+TEST(SurfaceQuery, RefusesTrianglesWithoutVertices) {
+  TriangleMesh mesh = Ellipsoid({1, 1, 1}, 4, 4);
+  mesh.triangles[3][1] = 1000;
+  EXPECT_THROW(SurfaceQuery{mesh}, Error);
+  EXPECT_THROW(SurfaceQuery{TriangleMesh{}}, Error);
+}
+
+}  // namespace
+}  // namespace sole::model
