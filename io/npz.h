@@ -35,6 +35,7 @@ NpyArray NpyFrom(const Eigen::Ref<const Eigen::MatrixXd>& matrix);
 NpyArray NpyFrom(const Eigen::Ref<const Eigen::MatrixXi>& matrix);
 NpyArray NpyFrom(const std::vector<double>& values);
 NpyArray NpyFrom(const std::vector<int>& values);
+NpyArray NpyFrom(const std::vector<std::int64_t>& values);
 NpyArray NpyFrom(const std::vector<std::uint8_t>& values);
 NpyArray NpyFrom(const std::string& text);                  ///< 0-d string
 NpyArray NpyFrom(const std::vector<std::string>& texts);    ///< 1-d strings

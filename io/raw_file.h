@@ -22,12 +22,14 @@ struct RawRecordHeader {
 };
 
 /// One camera's file: a 64-byte file header (magic "SOLERAW1", format version, serial), then records of
-/// fixed-size header (magic, fields above, payload size, CRC-32 of header and payload) and 8-bit pixels.
+/// fixed-size header (magic, fields above, payload size, CRC-32 of header and payload) and 8-bit pixels
+/// (docs/formats.md, byte by byte).
 /// Written as `<path>.partial`, fsynced and renamed by Close. A file that was cut anywhere can be scanned
 /// forward to its last whole record.
 class RawFileWriter {
  public:
-  /// Throws Error if the file cannot be created.
+  /// Throws Error if the file cannot be created or exists already, whole or .partial: recordings are never
+  /// overwritten.
   RawFileWriter(const std::filesystem::path& path, const std::string& serial);
   ~RawFileWriter();  ///< leaves the .partial file if Close was not called
   /// Throws Error if the disk is full or fails; earlier records stay readable.
@@ -49,6 +51,7 @@ struct RawIndex {
   std::string serial;
   std::vector<RawRecord> records;
   bool truncated = false;  ///< the file ends inside a record
+  std::uint64_t skipped_bytes = 0;  ///< damaged bytes between records that the scan stepped over
 };
 
 /// Scans the headers. Throws Error with the path on a wrong magic or version; a torn tail sets `truncated`.

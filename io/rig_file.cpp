@@ -1,0 +1,216 @@
+#include "io/rig_file.h"
+
+#include <cmath>
+#include <limits>
+#include <set>
+
+#include <fmt/format.h>
+
+#include "core/error.h"
+#include "io/atomic_file.h"
+#include "io/toml_table_internal.h"
+
+namespace sole::io {
+namespace {
+
+constexpr int kVersion = 1;
+constexpr double kTiny = std::numeric_limits<double>::denorm_min();  ///< lower bound of "positive"
+constexpr double kHuge = std::numeric_limits<double>::max();
+constexpr Range kPositive{kTiny, kHuge}, kAny{-kHuge, kHuge};
+constexpr Range kSide{64, 16384};
+
+CameraConfig ReadCamera(TomlTable table) {
+  CameraConfig camera;
+  table.Read("serial", camera.serial);
+  table.Read("address", camera.address);
+  table.Read("width", camera.width, kSide);
+  table.Read("height", camera.height, kSide);
+  table.Read("focal_px", camera.focal_px, kPositive);
+  table.Read("position_m", camera.position_m);
+  table.Read("look_at_m", camera.look_at_m);
+  table.Read("up", camera.up);
+  table.Read("exposure_us", camera.exposure_us, kPositive);
+  table.Read("gain_db", camera.gain_db, {-100, 100});
+  table.Read("packet_size", camera.packet_size, {576, 65500});
+  table.Read("packet_delay_ns", camera.packet_delay_ns, {0, std::numeric_limits<int>::max()});
+  table.Finish();
+  if (camera.serial.empty()) table.Fail("serial", "is missing: every camera needs one");
+  if (camera.serial.find_first_of("/\\") != std::string::npos || camera.serial[0] == '.' || camera.serial.size() > 43) {
+    table.Fail("serial", "names files: at most 43 characters, no slash and no leading dot");
+  }
+  const Eigen::Vector3d view = camera.look_at_m - camera.position_m;
+  if (!(view.norm() > 1e-3)) table.Fail("position_m", "equals look_at_m: the camera looks nowhere");
+  if (!(view.normalized().cross(camera.up).norm() > 1e-6)) table.Fail("up", "is parallel to the viewing direction");
+  return camera;
+}
+
+void ReadCameras(TomlTable& top, RigConfig& config) {
+  std::set<std::string> serials;
+  for (const TomlTable& table : top.Tables("camera")) {
+    config.cameras.push_back(ReadCamera(table));
+    if (!serials.insert(config.cameras.back().serial).second) table.Fail("serial", "appears twice");
+  }
+  if (config.cameras.empty()) throw Error(top.At("camera") + "a rig needs at least one [[camera]]");
+  for (TomlTable& table : top.Tables("pair")) {
+    PairConfig pair;
+    table.Read("name", pair.name);
+    table.Read("left", pair.left);
+    table.Read("right", pair.right);
+    table.Finish();
+    if (!serials.contains(pair.left)) table.Fail("left", "names no camera: there is no serial '" + pair.left + "'");
+    if (!serials.contains(pair.right)) table.Fail("right", "names no camera: there is no serial '" + pair.right + "'");
+    if (pair.left == pair.right) table.Fail("right", "names the same camera as left");
+    config.pairs.push_back(pair);
+  }
+}
+
+void ReadTrigger(TomlTable& top, TriggerConfig& trigger) {
+  for (TomlTable& table : top.Table("trigger")) {
+    table.Read("source", trigger.source);
+    table.Read("rate_hz", trigger.rate_hz, {kTiny, 1000});
+    table.Read("warmup", trigger.warmup, {0, 1000});
+    table.Read("gpio_chip", trigger.gpio_chip);
+    table.Read("gpio_line", trigger.gpio_line, {0, 1023});
+    table.Read("bus_port", trigger.bus_port, {1, 65535});
+    table.Finish();
+    if (trigger.source != "simulated" && trigger.source != "gpio" && trigger.source != "software") {
+      table.Fail("source", "is '" + trigger.source + "': use simulated, gpio or software");
+    }
+  }
+}
+
+void ReadPlate(TomlTable& top, PlateConfig& plate) {
+  for (TomlTable& table : top.Table("plate")) {
+    table.Read("size_x_m", plate.size_x_m, kPositive);
+    table.Read("size_y_m", plate.size_y_m, kPositive);
+    table.Read("thickness_m", plate.thickness_m, {kTiny, std::nextafter(0.1, 0.0)});
+    table.Read("index", plate.index, {1, std::nextafter(3.0, 0.0)});
+    std::set<int> ids;
+    for (TomlTable& item : table.Tables("fiducial")) {
+      Fiducial fiducial;
+      item.Read("id", fiducial.id, {0, 249});
+      item.Read("centre_m", fiducial.centre_m);
+      item.Read("size_m", fiducial.size_m, kPositive);
+      item.Finish();
+      for (const char* key : {"id", "centre_m", "size_m"}) {
+        if (!item.Has(key)) item.Fail(key, "is missing");
+      }
+      if (!ids.insert(fiducial.id).second) item.Fail("id", "appears twice");
+      plate.fiducials.push_back(fiducial);
+    }
+    table.Finish();
+  }
+}
+
+void ReadTarget(TomlTable& top, TargetConfig& target) {
+  for (TomlTable& table : top.Table("target")) {
+    table.Read("edge_m", target.edge_m, kPositive);
+    table.Read("squares", target.squares, {3, 22});
+    table.Read("square_m", target.square_m, kPositive);
+    table.Read("marker_m", target.marker_m, kPositive);
+    table.Finish();
+    if (target.marker_m >= target.square_m) table.Fail("marker_m", "must be smaller than square_m");
+    if (target.squares * target.square_m > target.edge_m) table.Fail("square_m", "times squares is longer than edge_m");
+  }
+}
+
+void ReadSimulation(TomlTable& top, SimulationConfig& simulation) {
+  for (TomlTable& table : top.Table("simulation")) {
+    table.Read("noise", simulation.noise, {0, 1000});
+    for (TomlTable& item : table.Tables("projector")) {
+      ProjectorConfig projector;
+      item.Read("position_m", projector.position_m);
+      item.Read("look_at_m", projector.look_at_m);
+      item.Finish();
+      if (!((projector.look_at_m - projector.position_m).norm() > 1e-3)) {
+        item.Fail("position_m", "equals look_at_m: the projector points nowhere");
+      }
+      simulation.projectors.push_back(projector);
+    }
+    table.Finish();
+  }
+}
+
+/// A TOML basic string.
+std::string Quoted(const std::string& text) {
+  std::string quoted = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') (quoted += '\\') += c;
+    else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) quoted += fmt::format("\\u{:04x}", static_cast<int>(c));
+    else quoted += c;
+  }
+  return quoted + '"';
+}
+
+template <typename Vector>
+std::string Listed(const Vector& v) {
+  return fmt::format("[{}]", fmt::join(v.data(), v.data() + v.size(), ", "));
+}
+
+std::string FormatCamera(const CameraConfig& c) {
+  return fmt::format(
+      "\n[[camera]]\nserial = {}\naddress = {}\nwidth = {}\nheight = {}\nfocal_px = {}\nposition_m = {}\n"
+      "look_at_m = {}\nup = {}\nexposure_us = {}\ngain_db = {}\npacket_size = {}\npacket_delay_ns = {}\n",
+      Quoted(c.serial), Quoted(c.address), c.width, c.height, c.focal_px, Listed(c.position_m), Listed(c.look_at_m),
+      Listed(c.up), c.exposure_us, c.gain_db, c.packet_size, c.packet_delay_ns);
+}
+
+}  // namespace
+
+RigConfig ParseRig(const std::string& toml, const std::string& name) {
+  const toml::table parsed = ParseToml(toml, name);
+  TomlTable top(parsed, name, "");
+  RigConfig config;
+  int version = kVersion;
+  top.Read("format_version", version, {kVersion, kVersion});
+  top.Read("name", config.name);
+  ReadTrigger(top, config.trigger);
+  ReadPlate(top, config.plate);
+  ReadTarget(top, config.target);
+  ReadCameras(top, config);
+  ReadSimulation(top, config.simulation);
+  top.Finish();
+  try {
+    Validate(config);
+  } catch (const Error& error) {
+    throw Error(name + ": " + error.what());
+  }
+  return config;
+}
+
+RigConfig ReadRigFile(const std::filesystem::path& path) { return ParseRig(ReadFile(path), path.string()); }
+
+std::string FormatRig(const RigConfig& config) {
+  const TriggerConfig& trigger = config.trigger;
+  const PlateConfig& plate = config.plate;
+  const TargetConfig& target = config.target;
+  std::string text = fmt::format(
+      "# Rig of Sole. Units stand in the names: _m metres, _px pixels, _us microseconds. docs/formats.md has every key.\n"
+      "format_version = {}\nname = {}\n",
+      kVersion, Quoted(config.name));
+  text += fmt::format("\n[trigger]\nsource = {}\nrate_hz = {}\nwarmup = {}\ngpio_chip = {}\ngpio_line = {}\nbus_port = {}\n",
+                      Quoted(trigger.source), trigger.rate_hz, trigger.warmup, Quoted(trigger.gpio_chip),
+                      trigger.gpio_line, trigger.bus_port);
+  text += fmt::format("\n[plate]\nsize_x_m = {}\nsize_y_m = {}\nthickness_m = {}\nindex = {}\n", plate.size_x_m,
+                      plate.size_y_m, plate.thickness_m, plate.index);
+  for (const Fiducial& f : plate.fiducials) {
+    text += fmt::format("\n[[plate.fiducial]]\nid = {}\ncentre_m = {}\nsize_m = {}\n", f.id, Listed(f.centre_m), f.size_m);
+  }
+  text += fmt::format("\n[target]\nedge_m = {}\nsquares = {}\nsquare_m = {}\nmarker_m = {}\n", target.edge_m,
+                      target.squares, target.square_m, target.marker_m);
+  for (const CameraConfig& camera : config.cameras) text += FormatCamera(camera);
+  for (const PairConfig& pair : config.pairs) {
+    text += fmt::format("\n[[pair]]\nname = {}\nleft = {}\nright = {}\n", Quoted(pair.name), Quoted(pair.left), Quoted(pair.right));
+  }
+  text += fmt::format("\n[simulation]\nnoise = {}\n", config.simulation.noise);
+  for (const ProjectorConfig& p : config.simulation.projectors) {
+    text += fmt::format("\n[[simulation.projector]]\nposition_m = {}\nlook_at_m = {}\n", Listed(p.position_m), Listed(p.look_at_m));
+  }
+  return text;
+}
+
+void WriteRigFile(const std::filesystem::path& path, const RigConfig& config) {
+  WriteStringAtomically(path, FormatRig(config));
+}
+
+}  // namespace sole::io

@@ -1,0 +1,88 @@
+#include <map>
+
+#include "core/error.h"
+#include "io/raw_file.h"
+#include "io/rig_file.h"
+#include "io/take.h"
+
+namespace sole::io {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+/// One camera's file and its good records by trigger.
+struct CameraFile {
+  fs::path path;
+  std::map<std::int64_t, RawRecord> records;
+};
+
+/// Incomplete frames are left out: their image counts as absent.
+CameraFile OpenCamera(const TakePaths& take, const CameraConfig& camera) {
+  CameraFile file{take.Raw(camera.serial), {}};
+  const fs::path partial = file.path.string() + ".partial";
+  if (!fs::exists(file.path) && fs::exists(partial)) file.path = partial;
+  Require(fs::exists(file.path), "take " + take.root.string() + ": camera '" + camera.serial +
+                                     "' of its rig file has no recording: " + file.path.string() + " is missing");
+  const RawIndex index = ReadRawIndex(file.path);
+  Require(index.serial == camera.serial, file.path.string() + ": holds camera '" + index.serial + "', not '" + camera.serial + "'");
+  for (const RawRecord& record : index.records) {
+    const RawRecordHeader& header = record.header;
+    Require(header.width == static_cast<std::uint32_t>(camera.width) && header.height == static_cast<std::uint32_t>(camera.height),
+            file.path.string() + ": images of " + std::to_string(header.width) + " x " + std::to_string(header.height) +
+                " pixels, but " + take.RigFile().string() + " says " + std::to_string(camera.width) + " x " +
+                std::to_string(camera.height));
+    if (header.status == 0 && header.trigger >= 1) file.records.emplace(header.trigger, record);
+  }
+  return file;
+}
+
+}  // namespace
+
+struct TakeReader::State {
+  TakePaths paths;
+  TakeInfo info;
+  RigConfig config;
+  std::vector<TriggerRecord> triggers;
+  std::vector<CameraFile> cameras;
+  std::size_t next = 0;
+};
+
+TakeReader::TakeReader(const fs::path& directory) : state_(std::make_unique<State>()) {
+  State& state = *state_;
+  state.paths.root = directory;
+  Require(fs::is_directory(directory), directory.string() + " is not a take: there is no such folder");
+  state.info = ReadTakeInfo(state.paths);
+  state.config = ReadRigFile(state.paths.RigFile());
+  state.triggers = ReadTriggers(state.paths);
+  for (const CameraConfig& camera : state.config.cameras) {
+    state.cameras.push_back(OpenCamera(state.paths, camera));
+  }
+}
+
+TakeReader::~TakeReader() = default;
+
+const TakeInfo& TakeReader::Info() const { return state_->info; }
+const RigConfig& TakeReader::Config() const { return state_->config; }
+const std::vector<TriggerRecord>& TakeReader::Triggers() const { return state_->triggers; }
+
+std::optional<FrameSet> TakeReader::Next() {
+  if (state_->next >= state_->triggers.size()) return {};
+  return Read(state_->next++);
+}
+
+FrameSet TakeReader::Read(std::size_t index) const {
+  Require(index < state_->triggers.size(), "take " + state_->paths.root.string() + ": has " +
+                                               std::to_string(state_->triggers.size()) + " triggers, asked for number " +
+                                               std::to_string(index + 1));
+  const TriggerRecord& trigger = state_->triggers[index];
+  FrameSet frames{trigger.trigger, trigger.actual_s, trigger.kind, {}};
+  for (const CameraFile& camera : state_->cameras) {
+    const auto record = camera.records.find(trigger.trigger);
+    if (record == camera.records.end()) frames.images.emplace_back();
+    else frames.images.emplace_back(ReadRawImage(camera.path, record->second));
+  }
+  return frames;
+}
+
+}  // namespace sole::io
