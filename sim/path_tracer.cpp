@@ -1,0 +1,159 @@
+#include <algorithm>
+#include <cmath>
+
+#include "sim/renderer_internal.h"
+#include "sim/target_texture.h"
+
+namespace sole::sim {
+namespace {
+
+using Eigen::Vector3d;
+using Eigen::Vector3f;
+
+constexpr float kCeiling = 0.014f;
+constexpr float kFloor = 0.006f;
+constexpr float kGroundEdge = 0.02f;     // the plate's matt edge
+constexpr float kLampRadiance = 12;      // of a projector's lens, looking into it
+constexpr double kLampRadius_m = 0.004;
+constexpr double kBackOff_m = 0.001;     // a ray behind the glass starts this much inside of it
+constexpr double kContact_m = 0.0001;
+constexpr float kGloss = 0.06f;
+
+}  // namespace
+
+float PathTracer::LampGlare(const LightRay& ray) const {
+  if (s_.exposure != ExposureKind::kSpeckle || !r_.options.reflections) return 0;
+  float sum = 0;
+  for (const Lamp& lamp : r_.lighting.Projectors()) {
+    const Vector3d to = lamp.position - ray.origin;
+    const double along = to.dot(ray.direction);
+    if (along < 0) continue;
+    const double miss2 = to.squaredNorm() - along * along;
+    const double radius2 = kLampRadius_m * kLampRadius_m;
+    if (miss2 < radius2) sum += kLampRadiance * static_cast<float>(1 - miss2 / radius2);
+  }
+  return sum;
+}
+
+float PathTracer::Background(const LightRay& ray) const {
+  return (ray.direction.z() > 0 ? kCeiling : kFloor) + LampGlare(ray);
+}
+
+float PathTracer::GlassMark(const Vector3d& point) const {
+  const TruePlate& plate = r_.rig.plate;
+  if (!s_.fiducials && !s_.dust) return -1;
+  float albedo = -1;
+  if (s_.fiducials) {
+    for (const Fiducial& fiducial : r_.fiducials) {
+      albedo = AlbedoOnFiducial(fiducial, point.x(), point.y());
+      if (albedo >= 0) break;
+    }
+  }
+  if (s_.dust && albedo < 0) {
+    for (const int index : r_.dust_cells[DustCell(plate, point.x(), point.y())]) {
+      const Dust& speck = r_.dust[static_cast<std::size_t>(index)];
+      if ((point.head<2>() - speck.centre_m).squaredNorm() < speck.radius_m * speck.radius_m) albedo = 0.45f;
+    }
+  }
+  if (albedo < 0) return -1;
+  const LitGrid& grid = s_.glass;
+  return albedo * GridLight(r_.lighting, s_.exposure, s_.stride, grid,
+                            (point.x() - grid.origin.x()) / grid.along_x.x(),
+                            (point.y() - grid.origin.y()) / grid.along_y.y());
+}
+
+float PathTracer::ShadeCube(const SceneHit& hit) const {
+  const int axis = hit.face / 2;
+  const LitGrid& grid = s_.cube[static_cast<std::size_t>(hit.face)];
+  const double half = 0.5 * r_.target.edge_m, cells = grid.nodes_x - 1;
+  const float light = GridLight(r_.lighting, s_.exposure, s_.stride, grid,
+                                (hit.in_body[(axis + 1) % 3] + half) / (2 * half) * cells,
+                                (hit.in_body[(axis + 2) % 3] + half) / (2 * half) * cells);
+  const int face = r_.target_face[static_cast<std::size_t>(hit.face)];
+  if (face < 0) return kBareAlbedo * light;
+  const CharucoFace& board = r_.target.faces[static_cast<std::size_t>(face)];
+  const Vector3d on_board = board.body_from_board.Inverse() * hit.in_body;
+  return AlbedoOnBoard(board, on_board.x(), on_board.y()) * light;
+}
+
+float PathTracer::ShadeMesh(const LightRay& ray, const SceneHit& hit) const {
+  const LitMesh& mesh = s_.meshes[static_cast<std::size_t>(hit.mesh)];
+  const Eigen::Vector3i& triangle = mesh.triangles[static_cast<std::size_t>(hit.triangle)];
+  const float weights[3] = {1 - hit.b1 - hit.b2, hit.b1, hit.b2};
+  WeightedPoint points[3];
+  Vector3f normal = Vector3f::Zero(), material = Vector3f::Zero();
+  for (int i = 0; i < 3; ++i) {
+    const auto v = static_cast<std::size_t>(triangle[i]);
+    points[i] = {&mesh.light[v * s_.stride], weights[i]};
+    normal += weights[i] * mesh.normals[v];
+    material += weights[i] * mesh.material[v];
+  }
+  const float light = MixLight(r_.lighting, s_.exposure, points, 3);
+  // A weak lobe around the mirror direction, strongest at grazing view; wetted skin on the glass has none.
+  const float cosine = std::clamp(-normal.normalized().dot(ray.direction.cast<float>()), 0.0f, 1.0f);
+  const float sheen = (1 - cosine) * (1 - cosine);
+  return light * (SkinAlbedo(material) + kGloss * sheen);
+}
+
+Sample PathTracer::Shade(const LightRay& ray, const SceneHit& hit) const {
+  switch (hit.kind) {
+    case SceneHit::Kind::kMesh: return {ShadeMesh(ray, hit), 2 + hit.mesh};
+    case SceneHit::Kind::kCube: return {ShadeCube(hit), -1 - hit.face};
+    case SceneHit::Kind::kNone: break;
+  }
+  return {Background(ray), 0};
+}
+
+Sample PathTracer::FromBelow(const LightRay& ray, bool bodies) const {
+  const PlateCrossing crossing = CrossPlate(r_.rig.plate, ray);
+  const auto nearest = [&](const LightRay& from, double from_m) {
+    return bodies ? s_.tracer.Nearest(from, from_m) : SceneHit{};
+  };
+  if (crossing.kind == PlateCrossing::Kind::kEdge) return {kGroundEdge, 0};
+  if (crossing.kind == PlateCrossing::Kind::kMisses) return Shade(ray, nearest(ray, 0));
+  const auto into = static_cast<float>(crossing.near_transmittance);
+  const auto through = into * static_cast<float>(crossing.far_transmittance);
+  const Vector3d mirrored(ray.direction.x(), ray.direction.y(), -ray.direction.z());
+  float ghosts = (1 - into) * LampGlare({crossing.near_point, mirrored});
+  const float mark = GlassMark(crossing.far_point);
+  if (mark >= 0) return {into * mark + ghosts, 1};
+  const LightRay behind{crossing.far_point - kBackOff_m * crossing.direction, crossing.direction};
+  const SceneHit hit = nearest(behind, 0);
+  if (hit.kind == SceneHit::Kind::kNone || hit.distance_m > kBackOff_m + kContact_m) {
+    const Vector3d leaves = 2 * crossing.far_point - crossing.near_point;  // after the way down
+    ghosts += into * into * (1 - through / into) *
+              LampGlare({{leaves.x(), leaves.y(), -r_.rig.plate.thickness_m}, mirrored});
+  }
+  Sample sample = Shade(behind, hit);
+  sample.radiance = through * sample.radiance + ghosts;
+  return sample;
+}
+
+Sample PathTracer::FromAbove(const LightRay& ray, bool bodies) const {
+  const SceneHit hit = bodies ? s_.tracer.Nearest(ray) : SceneHit{};
+  if (hit.kind != SceneHit::Kind::kNone) return Shade(ray, hit);
+  const PlateCrossing crossing = CrossPlate(r_.rig.plate, ray);
+  if (crossing.kind == PlateCrossing::Kind::kEdge) return {kGroundEdge, 0};
+  if (crossing.kind == PlateCrossing::Kind::kMisses) return {Background(ray), 0};
+  const float mark = GlassMark(crossing.near_point);
+  if (mark >= 0) return {mark, 1};
+  const auto into = static_cast<float>(crossing.near_transmittance);
+  const auto through = into * static_cast<float>(crossing.far_transmittance);
+  Sample sample{through * Background({crossing.far_point, crossing.direction}), 0};
+  if (r_.options.reflections) {
+    const LightRay mirrored{crossing.near_point, {ray.direction.x(), ray.direction.y(), -ray.direction.z()}};
+    const SceneHit seen = bodies ? s_.tracer.Nearest(mirrored, kContact_m) : SceneHit{};
+    // Both faces mirror; the lower one's image lies 2 t / n deeper and is left to lamps only.
+    sample.radiance += (1 - into) * Shade(mirrored, seen).radiance;
+    const Vector3d leaves = 2 * crossing.far_point - crossing.near_point;
+    sample.radiance += into * into * (1 - through / into) *
+                       LampGlare({{leaves.x(), leaves.y(), 0}, mirrored.direction});
+  }
+  return sample;
+}
+
+Sample PathTracer::Trace(const LightRay& ray, bool bodies) const {
+  return ray.direction.z() > 0 && ray.origin.z() < 0 ? FromBelow(ray, bodies) : FromAbove(ray, bodies);
+}
+
+}  // namespace sole::sim

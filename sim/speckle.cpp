@@ -1,0 +1,57 @@
+#include "sim/speckle.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <random>
+
+namespace sole::sim {
+namespace {
+
+constexpr int kSize = 2048;          // texels; a power of two
+constexpr double kDotTexels = 6.25;  // mean diameter
+constexpr double kPitchTexels = 8.0;
+constexpr double kFloor = 0.06;      // light between the dots
+
+std::size_t Texel(int x, int y) {
+  return static_cast<std::size_t>(y & (kSize - 1)) * kSize + static_cast<std::size_t>(x & (kSize - 1));
+}
+
+}  // namespace
+
+SpecklePattern::SpecklePattern(std::uint64_t seed, double dot_rad)
+    : texels_per_unit_(kDotTexels / dot_rad),
+      texels_(static_cast<std::size_t>(kSize) * kSize, static_cast<std::uint8_t>(255 * kFloor)) {
+  std::mt19937_64 engine(seed);
+  std::uniform_real_distribution<double> unit(0, 1);
+  constexpr int kCells = static_cast<int>(kSize / kPitchTexels);
+  for (int cell = 0; cell < kCells * kCells; ++cell) {
+    if (unit(engine) < 0.15) continue;  // gaps make the pattern less regular
+    const double cx = (cell % kCells + 0.5 + 0.9 * (unit(engine) - 0.5)) * kPitchTexels;
+    const double cy = (cell / kCells + 0.5 + 0.9 * (unit(engine) - 0.5)) * kPitchTexels;
+    const double radius = 0.5 * kDotTexels * (0.75 + 0.5 * unit(engine));
+    const double level = 0.65 + 0.35 * unit(engine);
+    const int reach = static_cast<int>(radius) + 3;
+    const int x0 = static_cast<int>(cx), y0 = static_cast<int>(cy);
+    for (int y = y0 - reach; y <= y0 + reach; ++y) {
+      for (int x = x0 - reach; x <= x0 + reach; ++x) {
+        const double edge = std::clamp(0.5 + (radius - std::hypot(x - cx, y - cy)) / 2.5, 0.0, 1.0);
+        const double light = kFloor + (level - kFloor) * edge * edge * (3 - 2 * edge);
+        std::uint8_t& texel = texels_[Texel(x, y)];
+        texel = std::max(texel, static_cast<std::uint8_t>(std::lround(255 * light)));
+      }
+    }
+  }
+}
+
+float SpecklePattern::At(double x, double y) const {
+  const double u = x * texels_per_unit_, v = y * texels_per_unit_;
+  const double fu = std::floor(u), fv = std::floor(v);
+  const auto a = static_cast<float>(u - fu), b = static_cast<float>(v - fv);
+  const int iu = static_cast<int>(fu), iv = static_cast<int>(fv);
+  const float top = (1 - a) * texels_[Texel(iu, iv)] + a * texels_[Texel(iu + 1, iv)];
+  const float bottom = (1 - a) * texels_[Texel(iu, iv + 1)] + a * texels_[Texel(iu + 1, iv + 1)];
+  return ((1 - b) * top + b * bottom) * (1.0f / 255);
+}
+
+}  // namespace sole::sim

@@ -1,0 +1,76 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "core/rig_config.h"
+#include "sim/lighting_internal.h"
+#include "sim/renderer.h"
+
+namespace sole::sim {
+
+/// A flat patch with light on a regular grid of points.
+struct LitGrid {
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();  ///< world position of node (0, 0)
+  Eigen::Vector3d along_x = Eigen::Vector3d::Zero(), along_y = Eigen::Vector3d::Zero();  ///< world, per cell
+  int nodes_x = 0, nodes_y = 0;
+  std::vector<LampLight> light;  ///< nodes, row by row, times stride
+};
+
+struct LitMesh {
+  std::vector<Eigen::Vector3i> triangles;
+  std::vector<Eigen::Vector3d> vertices;
+  std::vector<Eigen::Vector3f> normals;
+  std::vector<Eigen::Vector3f> material;
+  std::vector<LampLight> light;  ///< vertices times stride
+};
+
+/// A speck on the glass top.
+struct Dust {
+  Eigen::Vector2d centre_m;
+  double radius_m;
+};
+
+struct PreparedScene::State {
+  State(const Scene& scene, double cube_edge_m) : tracer(scene, cube_edge_m) {}
+  SceneTracer tracer;
+  ExposureKind exposure = ExposureKind::kSpeckle;
+  std::optional<Rigid3> world_from_target;
+  bool fiducials = true;
+  bool dust = true;
+  std::size_t stride = 0;
+  std::vector<LitMesh> meshes;
+  std::vector<LitGrid> cube;  ///< faces -x +x -y +y -z +z
+  LitGrid glass;              ///< the plate's top face
+};
+
+/// Light per vertex and grid node; the part of Renderer::Prepare that computes.
+void LightMesh(const Lighting& lighting, const SceneTracer& tracer, ExposureKind kind, LitMesh& mesh);
+LitGrid LightCubeFace(const Lighting& lighting, const SceneTracer& tracer, ExposureKind kind,
+                      const Rigid3& world_from_body, double edge_m, int face);
+LitGrid LightGlass(const Lighting& lighting, const SceneTracer& tracer, ExposureKind kind,
+                   const TruePlate& plate);
+
+/// Light that a lamp's slide lets through, summed over lamps, with the points' light mixed by weights.
+struct WeightedPoint {
+  const LampLight* light;
+  float weight;
+};
+float MixLight(const Lighting& lighting, ExposureKind kind, const WeightedPoint* points, int count);
+/// Light on a grid at cell coordinates x, y (clamped to the grid).
+float GridLight(const Lighting& lighting, ExposureKind kind, std::size_t stride, const LitGrid& grid,
+                double x, double y);
+
+/// Skin reflectance (diffuse albedo) at a material point.
+float SkinAlbedo(const Eigen::Vector3f& material_m);
+
+/// Specks spread at random over the plate.
+std::vector<Dust> ScatterDust(const TruePlate& plate, std::uint64_t seed);
+/// Cell of a point of the glass top, and the specks that reach into each cell.
+std::size_t DustCell(const TruePlate& plate, double x, double y);
+std::vector<std::vector<int>> SortDust(const TruePlate& plate, const std::vector<Dust>& specks);
+
+}  // namespace sole::sim
