@@ -32,7 +32,7 @@ inline bool LooksThroughPlate(const Camera& camera, const Plate& plate) {
 
 /// Quality of a calibration. Lengths in millimetres only here, because this is what reports print.
 struct CalibrationStats {
-  double reprojection_rms_px = 0;
+  double reprojection_rms_px = 0;     ///< per image coordinate
   std::vector<double> camera_rms_px;  ///< per camera, rig order
   std::vector<int> camera_corners;    ///< observations per camera
   double heldout_rms_air_mm = 0;      ///< distances on held-out target poses, cameras above the plate
@@ -45,7 +45,8 @@ struct CalibrationStats {
 
 /// A calibration with its uncertainty. The covariance is of the stacked parameters, per camera
 /// [rotation vector of cam_from_world (3, rad), translation (3, m), intrinsics (9)] in rig order, then the
-/// plate's thickness (m).
+/// plate's thickness (m). The rotation vector w is a small turn on the left of the estimate,
+/// R = exp(w) R_estimated. Rows of parameters that were not estimated are zero.
 struct Calibration {
   Rig rig;
   CalibrationStats stats;

@@ -1,0 +1,159 @@
+#include "calib/calibrate.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <ctime>
+#include <map>
+#include <string>
+
+#include "calib/judge.h"
+#include "calib/start_values.h"
+#include "core/error.h"
+
+namespace sole::calib {
+namespace {
+
+int CornersIn(const std::vector<ViewObservations>& frame) {
+  std::size_t corners = 0;
+  for (const ViewObservations& view : frame) corners += view.target.size();
+  return static_cast<int>(corners);
+}
+
+void RequireEnough(const RigConfig& config, const TakeObservations& observations, const CalibrateOptions& options) {
+  const std::string frames = std::to_string(observations.frames.size());
+  for (std::size_t c = 0; c < config.cameras.size(); ++c) {
+    int seen = 0;
+    for (const auto& frame : observations.frames) seen += frame[c].target.size() >= 4;
+    Require(seen >= options.min_camera_frames,
+            "calibration: camera " + config.cameras[c].serial + " sees the target in " + std::to_string(seen) +
+                " of " + frames + " frames, needs " + std::to_string(options.min_camera_frames) +
+                "; check its aim, light and focus, or hold the target where it looks");
+  }
+  const auto usable =
+      std::count_if(observations.frames.begin(), observations.frames.end(),
+                    [&](const auto& frame) { return CornersIn(frame) >= options.min_frame_corners; });
+  Require(usable >= options.min_poses,
+          "calibration: too few poses: the target is seen in " + std::to_string(usable) + " of " + frames +
+              " frames, needs " + std::to_string(options.min_poses) + "; record more");
+  const bool fiducial = std::any_of(observations.frames.begin(), observations.frames.end(), [](const auto& frame) {
+    return std::any_of(frame.begin(), frame.end(), [](const auto& view) { return !view.fiducials.empty(); });
+  });
+  Require(fiducial,
+          "calibration: no camera sees a fiducial of the plate, which define the world frame; check "
+          "[[plate.fiducial]] in the rig file, light and focus");
+}
+
+/// Fiducials do not move, so each camera's views of a corner become one: the mean around their median. Its
+/// sigma keeps the part that repetition does not average away.
+std::vector<PointObservation> MeanFiducials(const TakeObservations& observations, std::size_t camera,
+                                            double sigma_floor_px) {
+  std::map<int, std::vector<PointObservation>> seen;
+  for (const auto& frame : observations.frames) {
+    for (const PointObservation& o : frame[camera].fiducials) seen[o.point].push_back(o);
+  }
+  std::vector<PointObservation> means;
+  for (auto& [point, views] : seen) {
+    Eigen::Vector2d median;
+    for (int axis = 0; axis < 2; ++axis) {
+      const auto middle = views.begin() + static_cast<std::ptrdiff_t>(views.size() / 2);
+      std::nth_element(views.begin(), middle, views.end(),
+                       [axis](const auto& a, const auto& b) { return a.pixel[axis] < b.pixel[axis]; });
+      median[axis] = middle->pixel[axis];
+    }
+    PointObservation mean{point, Eigen::Vector2d::Zero(), 0};
+    int count = 0;
+    for (const PointObservation& o : views) {
+      if ((o.pixel - median).norm() > 0.5) continue;
+      mean.pixel += o.pixel;
+      mean.sigma_px += o.sigma_px * o.sigma_px;
+      ++count;
+    }
+    if (2 * static_cast<std::size_t>(count) < views.size()) continue;  // not one place: a wrong marker
+    mean.pixel /= count;
+    mean.sigma_px = std::hypot(std::sqrt(mean.sigma_px) / count, sigma_floor_px);
+    means.push_back(mean);
+  }
+  return means;
+}
+
+/// Usable frames, divided into those to adjust and those to judge by. Fiducials stand in the first frame of each.
+struct Split {
+  TakeObservations adjust, heldout;
+};
+
+Split Divide(const RigConfig& config, const TakeObservations& observations, const CalibrateOptions& options) {
+  Split split;
+  int count = 0;
+  for (const auto& frame : observations.frames) {
+    if (CornersIn(frame) < options.min_frame_corners) continue;
+    const bool judge = options.heldout_every > 0 && ++count % options.heldout_every == 0;
+    auto& kept = (judge ? split.heldout : split.adjust).frames.emplace_back(frame);
+    for (ViewObservations& view : kept) view.fiducials.clear();
+  }
+  for (std::size_t c = 0; c < config.cameras.size(); ++c) {
+    split.adjust.frames.front()[c].fiducials = MeanFiducials(observations, c, options.detect.sigma_floor_px);
+  }
+  return split;
+}
+
+std::string NowUtc() {
+  const std::time_t now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
+  std::tm utc{};
+  gmtime_r(&now, &utc);
+  char text[32];
+  std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &utc);
+  return text;
+}
+
+}  // namespace
+
+TakeObservations Observe(const RigConfig& config, FrameSource& takes, const DetectOptions& options) {
+  const DetectTarget target = TargetOf(config);
+  TakeObservations observations;
+  while (const auto frame = takes.Next()) {
+    observations.frames.push_back(DetectInFrame(*frame, config, target, options));
+  }
+  return observations;
+}
+
+Calibration CalibrateFromObservations(const RigConfig& config, const TakeObservations& observations,
+                                      const CalibrateOptions& options) {
+  Validate(config);
+  RequireEnough(config, observations, options);
+  const std::vector<Eigen::Vector3d> corners = TargetCorners(TargetOf(config).body);
+  const std::vector<Eigen::Vector3d> fiducials = FiducialCornerPoints(config.plate);
+  const Split split = Divide(config, observations, options);
+  const AdjustState start = StartValues(config, split.adjust, corners, fiducials);
+  const AdjustResult adjusted = Adjust(start, split.adjust, corners, fiducials, options.adjust);
+
+  Calibration result;
+  result.rig.cameras = adjusted.state.cameras;
+  result.rig.plate = adjusted.state.plate;
+  for (const PairConfig& pair : config.pairs) {
+    result.rig.pairs.push_back({pair.name, CameraIndex(config, pair.left), CameraIndex(config, pair.right)});
+  }
+  result.rig.rig_hash = RigIdentityHash(config);
+  const LengthErrors air = JudgeTarget(result.rig, ViewSide::kAir, split.heldout, corners);
+  const LengthErrors glass = JudgeTarget(result.rig, ViewSide::kGlass, split.heldout, corners);
+  CalibrationStats& stats = result.stats;
+  stats.reprojection_rms_px = adjusted.reprojection_rms_px;
+  stats.camera_rms_px = adjusted.camera_rms_px;
+  stats.camera_corners = adjusted.camera_corners;
+  stats.heldout_rms_air_mm = air.rms_mm;
+  stats.heldout_rms_glass_mm = glass.rms_mm;
+  stats.heldout_max_mm = std::max(air.max_mm, glass.max_mm);
+  stats.ground_rms_mm = JudgeGround(result.rig, split.adjust).rms_mm;
+  stats.poses_used = static_cast<int>(split.adjust.frames.size());
+  stats.poses_heldout = static_cast<int>(split.heldout.frames.size());
+  result.covariance = adjusted.covariance;
+  result.created = NowUtc();
+  return result;
+}
+
+Calibration Calibrate(const RigConfig& config, FrameSource& takes, const CalibrateOptions& options) {
+  Validate(config);
+  return CalibrateFromObservations(config, Observe(config, takes, options.detect), options);
+}
+
+}  // namespace sole::calib
