@@ -13,7 +13,8 @@ namespace sole::io {
 
 namespace fs = std::filesystem;
 
-void WriteAtomically(const fs::path& path, const std::function<void(const fs::path& temporary)>& write) {
+void WriteAtomically(const fs::path& path,
+                     const std::function<void(const fs::path& temporary)>& write) {
   fs::path temporary = path;
   temporary.replace_filename("." + path.filename().string() + ".tmp" + std::to_string(getpid()) +
                              path.extension().string());

@@ -6,9 +6,9 @@
 
 namespace sole::io {
 
-/// Writes a file so that it is either whole or absent: `write` fills a temporary name beside `path`, which
-/// is then renamed. Throws Error (naming the path and the reason) and removes the temporary file on failure;
-/// an earlier file of that name stays untouched.
+/// Writes a file so that it is either whole or absent: `write` fills a temporary name beside
+/// `path`, which is then renamed. Throws Error (naming the path and the reason) and removes the
+/// temporary file on failure; an earlier file of that name stays untouched.
 void WriteAtomically(const std::filesystem::path& path,
                      const std::function<void(const std::filesystem::path& temporary)>& write);
 

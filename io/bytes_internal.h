@@ -11,7 +11,8 @@
 
 namespace sole::io {
 
-static_assert(std::endian::native == std::endian::little, "Sole's file code expects a little-endian host");
+static_assert(std::endian::native == std::endian::little,
+              "Sole's file code expects a little-endian host");
 
 /// Little-endian value at `offset`; the caller has checked that it lies inside.
 template <typename T>

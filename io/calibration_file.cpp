@@ -9,7 +9,8 @@ namespace sole::io {
 namespace {
 
 constexpr int kVersion = 1;
-constexpr std::array kIntrinsicNames{"fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "p1", "p2", "k3"};
+constexpr std::array kIntrinsicNames{"fx_px", "fy_px", "cx_px", "cy_px", "k1",
+                                     "k2",    "p1",    "p2",    "k3"};
 static_assert(kIntrinsicNames.size() == kNumIntrinsics);
 
 Json NumbersToJson(const auto& values) {
@@ -18,12 +19,15 @@ Json NumbersToJson(const auto& values) {
   return list;
 }
 
-std::vector<double> NumbersFrom(const Json& json, const char* key, const std::string& where, std::size_t count) {
+std::vector<double> NumbersFrom(const Json& json, const char* key, const std::string& where,
+                                std::size_t count) {
   const Json& list = Member(json, key, where);
-  Require(list.is_array() && list.size() == count, where + ": key '" + key + "' must be a list of " + std::to_string(count) + " numbers");
+  Require(list.is_array() && list.size() == count,
+          where + ": key '" + key + "' must be a list of " + std::to_string(count) + " numbers");
   std::vector<double> values;
   for (const Json& value : list) {
-    Require(value.is_number() && std::isfinite(value.get<double>()), where + ": key '" + key + "' must hold finite numbers only");
+    Require(value.is_number() && std::isfinite(value.get<double>()),
+            where + ": key '" + key + "' must hold finite numbers only");
     values.push_back(value.get<double>());
   }
   return values;
@@ -58,14 +62,18 @@ Camera CameraFromJson(const Json& json, const std::string& where) {
   Require(camera.width > 0 && camera.height > 0, where + ": width and height must be positive");
   const Json& intrinsics = Member(json, "intrinsics", where);
   for (std::size_t i = 0; i < kIntrinsicNames.size(); ++i) {
-    camera.intrinsics[static_cast<Eigen::Index>(i)] = Get<double>(intrinsics, kIntrinsicNames[i], where);
+    camera.intrinsics[static_cast<Eigen::Index>(i)] =
+        Get<double>(intrinsics, kIntrinsicNames[i], where);
   }
   Require(camera.intrinsics.allFinite() && camera.intrinsics[0] > 0 && camera.intrinsics[1] > 0,
           where + ": fx_px and fy_px must be positive");
   const Json& pose = Member(json, "cam_from_world", where);
-  const std::vector<double> q = NumbersFrom(pose, "rotation_wxyz", where, 4), t = NumbersFrom(pose, "translation_m", where, 3);
-  camera.cam_from_world = {Eigen::Quaterniond(q[0], q[1], q[2], q[3]), Eigen::Vector3d(t[0], t[1], t[2])};
-  Require(std::abs(camera.cam_from_world.rotation.norm() - 1) < 1e-6, where + ": rotation_wxyz must have unit length");
+  const std::vector<double> q = NumbersFrom(pose, "rotation_wxyz", where, 4),
+                            t = NumbersFrom(pose, "translation_m", where, 3);
+  camera.cam_from_world = {Eigen::Quaterniond(q[0], q[1], q[2], q[3]),
+                           Eigen::Vector3d(t[0], t[1], t[2])};
+  Require(std::abs(camera.cam_from_world.rotation.norm() - 1) < 1e-6,
+          where + ": rotation_wxyz must have unit length");
   return camera;
 }
 
@@ -85,8 +93,10 @@ CalibrationStats StatsFromJson(const Json& json, const std::string& where) {
   CalibrationStats stats;
   stats.reprojection_rms_px = GetOrNan(json, "reprojection_rms_px", where);
   for (const Json& value : ListFrom(json, "camera_rms_px", where)) {
-    Require(value.is_number() || value.is_null(), where + ": key 'camera_rms_px' must hold numbers");
-    stats.camera_rms_px.push_back(value.is_null() ? std::numeric_limits<double>::quiet_NaN() : value.get<double>());
+    Require(value.is_number() || value.is_null(),
+            where + ": key 'camera_rms_px' must hold numbers");
+    stats.camera_rms_px.push_back(value.is_null() ? std::numeric_limits<double>::quiet_NaN()
+                                                  : value.get<double>());
   }
   for (const Json& value : ListFrom(json, "camera_corners", where)) {
     Require(value.is_number_integer(), where + ": key 'camera_corners' must hold integers");
@@ -101,7 +111,8 @@ CalibrationStats StatsFromJson(const Json& json, const std::string& where) {
   return stats;
 }
 
-Eigen::MatrixXd CovarianceFromJson(const Json& json, const std::string& where, std::size_t cameras) {
+Eigen::MatrixXd CovarianceFromJson(const Json& json, const std::string& where,
+                                   std::size_t cameras) {
   const std::size_t size = ListFrom(json, "covariance", where).empty() ? 0 : 15 * cameras + 1;
   const std::vector<double> values = NumbersFrom(json, "covariance", where, size * size);
   using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
@@ -113,11 +124,13 @@ Rig RigFromJson(const Json& json, const std::string& where) {
   Rig rig;
   rig.rig_hash = Get<std::string>(json, "rig_hash", where);
   for (const Json& camera : ListFrom(json, "cameras", where)) {
-    rig.cameras.push_back(CameraFromJson(camera, where + ": camera " + std::to_string(rig.cameras.size())));
+    rig.cameras.push_back(
+        CameraFromJson(camera, where + ": camera " + std::to_string(rig.cameras.size())));
   }
   for (const Json& pair : ListFrom(json, "pairs", where)) {
     const std::string place = where + ": pair " + std::to_string(rig.pairs.size());
-    rig.pairs.push_back({Get<std::string>(pair, "name", place), Get<int>(pair, "left", place), Get<int>(pair, "right", place)});
+    rig.pairs.push_back({Get<std::string>(pair, "name", place), Get<int>(pair, "left", place),
+                         Get<int>(pair, "right", place)});
     const auto count = static_cast<int>(rig.cameras.size());
     const StereoPair& p = rig.pairs.back();
     Require(p.left >= 0 && p.left < count && p.right >= 0 && p.right < count && p.left != p.right,
@@ -125,7 +138,8 @@ Rig RigFromJson(const Json& json, const std::string& where) {
   }
   const Json& plate = Member(json, "plate", where);
   rig.plate = {Get<double>(plate, "thickness_m", where), Get<double>(plate, "index", where)};
-  Require(rig.plate.thickness_m > 0 && rig.plate.thickness_m < 1 && rig.plate.index >= 1 && rig.plate.index < 3,
+  Require(rig.plate.thickness_m > 0 && rig.plate.thickness_m < 1 && rig.plate.index >= 1 &&
+              rig.plate.index < 3,
           where + ": plate needs a thickness_m above 0 and an index of 1 to 3");
   return rig;
 }
@@ -138,14 +152,17 @@ void WriteCalibration(const std::filesystem::path& path, const Calibration& cali
   for (const Camera& camera : rig.cameras) {
     Require(camera.intrinsics.allFinite() && camera.cam_from_world.rotation.coeffs().allFinite() &&
                 camera.cam_from_world.translation.allFinite(),
-            path.string() + ": camera '" + camera.serial + "' has a value that is not finite: calibrate again");
+            path.string() + ": camera '" + camera.serial +
+                "' has a value that is not finite: calibrate again");
     cameras.push_back(CameraToJson(camera));
   }
-  for (const StereoPair& pair : rig.pairs) pairs.push_back({{"name", pair.name}, {"left", pair.left}, {"right", pair.right}});
+  for (const StereoPair& pair : rig.pairs)
+    pairs.push_back({{"name", pair.name}, {"left", pair.left}, {"right", pair.right}});
   const auto size = static_cast<Eigen::Index>(15 * rig.cameras.size() + 1);
   const Eigen::MatrixXd& c = calibration.covariance;
   Require(c.allFinite() && (c.size() == 0 || (c.rows() == size && c.cols() == size)),
-          path.string() + ": the covariance must be finite and " + std::to_string(size) + " x " + std::to_string(size));
+          path.string() + ": the covariance must be finite and " + std::to_string(size) + " x " +
+              std::to_string(size));
   for (Eigen::Index i = 0; i < c.rows(); ++i) {
     for (Eigen::Index j = 0; j < c.cols(); ++j) covariance.push_back(c(i, j));
   }
@@ -168,10 +185,12 @@ Calibration ReadCalibration(const std::filesystem::path& path) {
   const std::string where = path.string();
   const Json json = ParseJson(ReadFile(path), where);
   const std::string format = Get<std::string>(json, "format", where);
-  Require(format == "sole-calibration", where + ": is a '" + format + "' file, expected a calibration");
+  Require(format == "sole-calibration",
+          where + ": is a '" + format + "' file, expected a calibration");
   const int version = Get<int>(json, "version", where);
-  Require(version == kVersion, where + ": format version " + std::to_string(version) +
-                                   " is unknown: use the version of Sole that wrote it or calibrate again");
+  Require(version == kVersion,
+          where + ": format version " + std::to_string(version) +
+              " is unknown: use the version of Sole that wrote it or calibrate again");
   Calibration calibration;
   calibration.created = Get<std::string>(json, "created", where);
   calibration.rig = RigFromJson(json, where);

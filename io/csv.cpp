@@ -24,9 +24,12 @@ std::vector<CsvTable::Row> Split(const std::string& text, const std::string& whe
       const char c = text[i];
       if (c == '\n') ++line;
       if (quoted) {
-        if (c != '"') row.fields.back() += c;
-        else if (i + 1 < text.size() && text[i + 1] == '"') row.fields.back() += text[++i];
-        else quoted = false;
+        if (c != '"')
+          row.fields.back() += c;
+        else if (i + 1 < text.size() && text[i + 1] == '"')
+          row.fields.back() += text[++i];
+        else
+          quoted = false;
       } else if (c == '"' && row.fields.back().empty()) {
         quoted = true;
       } else if (c == ',') {
@@ -70,15 +73,16 @@ std::int64_t CsvTable::Integer(const Row& row, std::size_t column) const {
   return value;
 }
 
-CsvTable ParseCsv(const std::string& text, const std::vector<std::string>& columns, const std::string& where) {
+CsvTable ParseCsv(const std::string& text, const std::vector<std::string>& columns,
+                  const std::string& where) {
   CsvTable table{where, Split(text, where), columns};
   Require(!table.rows.empty() && table.rows[0].fields == columns,
           where + ":1: the first line must be '" + Joined(columns) + "'");
   table.rows.erase(table.rows.begin());
   for (const CsvTable::Row& row : table.rows) {
-    Require(row.fields.size() == columns.size(), where + ":" + std::to_string(row.line) + ": has " +
-                                                     std::to_string(row.fields.size()) + " fields, expected " +
-                                                     std::to_string(columns.size()));
+    Require(row.fields.size() == columns.size(),
+            where + ":" + std::to_string(row.line) + ": has " + std::to_string(row.fields.size()) +
+                " fields, expected " + std::to_string(columns.size()));
   }
   return table;
 }

@@ -24,9 +24,10 @@ struct CsvTable {
   std::vector<std::string> columns;
 };
 
-/// Parses `text`. Throws Error with path and line unless the header row is exactly `columns` and every row
-/// has as many fields.
-CsvTable ParseCsv(const std::string& text, const std::vector<std::string>& columns, const std::string& where);
+/// Parses `text`. Throws Error with path and line unless the header row is exactly `columns` and
+/// every row has as many fields.
+CsvTable ParseCsv(const std::string& text, const std::vector<std::string>& columns,
+                  const std::string& where);
 
 /// Quotes a field where needed.
 std::string CsvField(const std::string& text);

@@ -24,7 +24,8 @@ class FileDescriptor {
   bool Valid() const { return fd_ >= 0; }
   bool Close() { return fd_ < 0 || ::close(std::exchange(fd_, -1)) == 0; }
 
-  /// Reads `size` bytes at `offset`, going on after short reads; false at the end of the file or on error.
+  /// Reads `size` bytes at `offset`, going on after short reads; false at the end of the file or on
+  /// error.
   bool ReadAt(void* to, std::size_t size, std::uint64_t offset) const {
     auto* bytes = static_cast<char*>(to);
     while (size > 0) {

@@ -26,7 +26,9 @@ auto Within(const fs::path& path, const Body& body) {
     return body();
   } catch (const Error& error) {
     const std::string what = error.what();
-    throw Error(what.starts_with(path.string()) || what.starts_with("cannot ") ? what : path.string() + ": " + what);
+    throw Error(what.starts_with(path.string()) || what.starts_with("cannot ")
+                    ? what
+                    : path.string() + ": " + what);
   }
 }
 
@@ -34,7 +36,8 @@ void CheckFormat(const Npz& npz, const std::string& format) {
   const std::string found = StringFrom(npz, "format");
   Require(found == format, "is a '" + found + "' file, expected '" + format + "'");
   const std::vector<int> version = IntsFrom(npz, "version");
-  Require(version == std::vector<int>{kVersion}, "its format version is unknown: use the version of Sole that wrote it");
+  Require(version == std::vector<int>{kVersion},
+          "its format version is unknown: use the version of Sole that wrote it");
 }
 
 std::vector<std::int64_t> TriggersFrom(const Npz& npz) {
@@ -42,18 +45,22 @@ std::vector<std::int64_t> TriggersFrom(const Npz& npz) {
   std::vector<std::int64_t> triggers;
   const Eigen::MatrixXd values = MatrixFrom(npz, "frames");
   for (const double value : values.reshaped()) {
-    Require(value == std::floor(value) && std::abs(value) < 9e15, "array 'frames' must hold trigger numbers");
+    Require(value == std::floor(value) && std::abs(value) < 9e15,
+            "array 'frames' must hold trigger numbers");
     triggers.push_back(static_cast<std::int64_t>(value));
   }
   return triggers;
 }
 
 /// A (F, ...) array as a matrix with a row per frame and `cols` columns (any number if negative).
-Eigen::MatrixXd Rows(const Npz& npz, const std::string& name, std::size_t frames, std::size_t dimensions, Index cols = -1) {
+Eigen::MatrixXd Rows(const Npz& npz, const std::string& name, std::size_t frames,
+                     std::size_t dimensions, Index cols = -1) {
   const std::vector<std::size_t>& shape = ShapeOf(npz, name);
-  const bool good = shape.size() == dimensions && shape[0] == frames && (dimensions < 3 || shape[2] == 3);
+  const bool good =
+      shape.size() == dimensions && shape[0] == frames && (dimensions < 3 || shape[2] == 3);
   Eigen::MatrixXd matrix = good ? MatrixFrom(npz, name) : Eigen::MatrixXd();
-  Require(good && (cols < 0 || matrix.cols() == cols), "array '" + name + "' has the wrong shape for " + std::to_string(frames) + " frames");
+  Require(good && (cols < 0 || matrix.cols() == cols),
+          "array '" + name + "' has the wrong shape for " + std::to_string(frames) + " frames");
   return matrix;
 }
 
@@ -65,17 +72,20 @@ Eigen::MatrixX3d PointsOf(const Eigen::MatrixXd& rows, Index frame) {
   return Eigen::Map<const RowMajorX3>(row.data(), row.size() / 3, 3);
 }
 
-/// Stacks one matrix per frame into (F, n, cols) (or (F, n) for cols = 1); frames without values become NaN.
+/// Stacks one matrix per frame into (F, n, cols) (or (F, n) for cols = 1); frames without values
+/// become NaN.
 template <typename Get>
 NpyArray Stack(const std::vector<FrameFit>& frames, const char* name, Index cols, const Get& get) {
   Index n = 0;
   for (const FrameFit& frame : frames) n = std::max<Index>(n, frame.found ? get(frame).rows() : 0);
-  Eigen::MatrixXd stacked = Eigen::MatrixXd::Constant(static_cast<Index>(frames.size()), n * cols, kNan);
+  Eigen::MatrixXd stacked =
+      Eigen::MatrixXd::Constant(static_cast<Index>(frames.size()), n * cols, kNan);
   for (std::size_t f = 0; f < frames.size(); ++f) {
     const auto& values = get(frames[f]);
     if (!frames[f].found || values.rows() == 0) continue;
     Require(values.rows() == n, std::string("frames differ in the size of ") + name);
-    for (Index i = 0; i < n; ++i) stacked.row(static_cast<Index>(f)).segment(i * cols, cols) = values.row(i);
+    for (Index i = 0; i < n; ++i)
+      stacked.row(static_cast<Index>(f)).segment(i * cols, cols) = values.row(i);
   }
   std::vector<std::size_t> shape{frames.size(), Size(n)};
   if (cols > 1) shape.push_back(Size(cols));
@@ -89,7 +99,8 @@ void AddContact(Npz& npz, const ContactFile& file) {
   Eigen::MatrixXd probability(static_cast<Index>(frames), n), gap(static_cast<Index>(frames), n);
   for (std::size_t f = 0; f < frames; ++f) {
     const FrameContact& contact = file.contact[f];
-    Require(static_cast<Index>(contact.contact.size()) == n && contact.probability.size() == n && contact.gap_m.size() == n,
+    Require(static_cast<Index>(contact.contact.size()) == n && contact.probability.size() == n &&
+                contact.gap_m.size() == n,
             "frames differ in their number of contact vertices");
     bits.insert(bits.end(), contact.contact.begin(), contact.contact.end());
     probability.row(static_cast<Index>(f)) = contact.probability.transpose();
@@ -101,7 +112,8 @@ void AddContact(Npz& npz, const ContactFile& file) {
 }
 
 Side SideFrom(const std::string& text) {
-  Require(text == "right" || text == "left", "array 'side' holds '" + text + "', expected right or left");
+  Require(text == "right" || text == "left",
+          "array 'side' holds '" + text + "', expected right or left");
   return text == "left" ? Side::kLeft : Side::kRight;
 }
 
@@ -146,7 +158,8 @@ ContactFile ReadContact(const fs::path& path) {
     const std::vector<int> points = IntsFrom(npz, "ground_points");
     for (std::size_t f = 0; f < frames; ++f) {
       const auto row = static_cast<Index>(f);
-      file.ground.push_back({ground(row, 0), ground(row, 1), ground(row, 2), sigma(row), points[f]});
+      file.ground.push_back(
+          {ground(row, 0), ground(row, 1), ground(row, 2), sigma(row), points[f]});
     }
     if (!npz.contains("contact")) return file;
     const Eigen::MatrixXd gap = Rows(npz, "gap_m", frames, 2);
@@ -175,30 +188,34 @@ void WriteFit(const fs::path& path, const FitSequence& fit) {
       residual.push_back(frame.found ? frame.residual_m : kNan);
       side.push_back(frame.side == Side::kLeft ? "left" : "right");
       verdict.push_back(frame.verdict);
-      translation.row(row) = frame.found ? Eigen::RowVector3d(frame.translation_m.transpose()) : Eigen::RowVector3d::Constant(kNan);
+      translation.row(row) = frame.found ? Eigen::RowVector3d(frame.translation_m.transpose())
+                                         : Eigen::RowVector3d::Constant(kNan);
     }
     const auto stack = [&](const char* name, auto member) {
-      return Stack(fit.frames, name, 3, [member](const FrameFit& f) -> const Eigen::MatrixX3d& { return f.*member; });
+      return Stack(fit.frames, name, 3,
+                   [member](const FrameFit& f) -> const Eigen::MatrixX3d& { return f.*member; });
     };
     const NpyArray vertex_sd =
-        Stack(fit.frames, "vertex_sd_m", 1, [](const FrameFit& f) -> const Eigen::VectorXd& { return f.vertex_sd_m; });
-    WriteNpz(path, {{"format", NpyFrom(std::string("sole-fit"))},
-                    {"version", Scalar(kVersion)},
-                    {"units", NpyFrom(std::string("m, rad; world frame"))},
-                    {"frames", NpyFrom(triggers)},
-                    {"found", NpyFrom(found)},
-                    {"side", NpyFrom(side)},
-                    {"verdict", NpyFrom(verdict)},
-                    {"residual_m", NpyFrom(residual)},
-                    {"beta", Reshaped(NpyFrom(fit.beta), {Size(fit.beta.size())})},
-                    {"beta_sd", Reshaped(NpyFrom(fit.beta_sd), {Size(fit.beta_sd.size())})},
-                    {"translation_m", NpyFrom(translation)},
-                    {"theta", stack("theta", &FrameFit::theta)},
-                    {"theta_sd", stack("theta_sd", &FrameFit::theta_sd)},
-                    {"vertices_m", stack("vertices_m", &FrameFit::vertices_m)},
-                    {"registration_m", stack("registration_m", &FrameFit::registration_m)},
-                    {"registration_fine_m", stack("registration_fine_m", &FrameFit::registration_fine_m)},
-                    {"vertex_sd_m", vertex_sd}});
+        Stack(fit.frames, "vertex_sd_m", 1,
+              [](const FrameFit& f) -> const Eigen::VectorXd& { return f.vertex_sd_m; });
+    WriteNpz(path,
+             {{"format", NpyFrom(std::string("sole-fit"))},
+              {"version", Scalar(kVersion)},
+              {"units", NpyFrom(std::string("m, rad; world frame"))},
+              {"frames", NpyFrom(triggers)},
+              {"found", NpyFrom(found)},
+              {"side", NpyFrom(side)},
+              {"verdict", NpyFrom(verdict)},
+              {"residual_m", NpyFrom(residual)},
+              {"beta", Reshaped(NpyFrom(fit.beta), {Size(fit.beta.size())})},
+              {"beta_sd", Reshaped(NpyFrom(fit.beta_sd), {Size(fit.beta_sd.size())})},
+              {"translation_m", NpyFrom(translation)},
+              {"theta", stack("theta", &FrameFit::theta)},
+              {"theta_sd", stack("theta_sd", &FrameFit::theta_sd)},
+              {"vertices_m", stack("vertices_m", &FrameFit::vertices_m)},
+              {"registration_m", stack("registration_m", &FrameFit::registration_m)},
+              {"registration_fine_m", stack("registration_fine_m", &FrameFit::registration_fine_m)},
+              {"vertex_sd_m", vertex_sd}});
   });
 }
 
@@ -211,15 +228,19 @@ FitSequence ReadFit(const fs::path& path) {
     FitSequence fit;
     fit.beta = MatrixFrom(npz, "beta").reshaped();
     fit.beta_sd = MatrixFrom(npz, "beta_sd").reshaped();
-    const Eigen::MatrixXd found = Rows(npz, "found", frames, 1), residual = Rows(npz, "residual_m", frames, 1);
+    const Eigen::MatrixXd found = Rows(npz, "found", frames, 1),
+                          residual = Rows(npz, "residual_m", frames, 1);
     const Eigen::MatrixXd translation = Rows(npz, "translation_m", frames, 2, 3);
-    const Eigen::MatrixXd theta = Rows(npz, "theta", frames, 3), theta_sd = Rows(npz, "theta_sd", frames, 3);
+    const Eigen::MatrixXd theta = Rows(npz, "theta", frames, 3),
+                          theta_sd = Rows(npz, "theta_sd", frames, 3);
     const Eigen::MatrixXd vertices = Rows(npz, "vertices_m", frames, 3);
     const Eigen::MatrixXd registration = Rows(npz, "registration_m", frames, 3);
     const Eigen::MatrixXd fine = Rows(npz, "registration_fine_m", frames, 3);
     const Eigen::MatrixXd vertex_sd = Rows(npz, "vertex_sd_m", frames, 2);
-    const std::vector<std::string> side = StringsFrom(npz, "side"), verdict = StringsFrom(npz, "verdict");
-    Require(side.size() == frames && verdict.size() == frames, "arrays 'side' and 'verdict' need one text per frame");
+    const std::vector<std::string> side = StringsFrom(npz, "side"),
+                                   verdict = StringsFrom(npz, "verdict");
+    Require(side.size() == frames && verdict.size() == frames,
+            "arrays 'side' and 'verdict' need one text per frame");
     for (std::size_t f = 0; f < frames; ++f) {
       const auto row = static_cast<Index>(f);
       FrameFit frame;

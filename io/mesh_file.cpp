@@ -18,7 +18,8 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr const char* kPlyStart =
-    "ply\nformat binary_little_endian 1.0\ncomment Sole point cloud or mesh, format 1, metres, world frame (z up)\n";
+    "ply\nformat binary_little_endian 1.0\ncomment Sole point cloud or mesh, format 1, metres, "
+    "world frame (z up)\n";
 
 void AppendFloats(std::string& out, const auto& vector) {
   for (Eigen::Index i = 0; i < vector.size(); ++i) AppendLittle(out, static_cast<float>(vector[i]));
@@ -39,7 +40,8 @@ Eigen::Vector3d TriangleNormal(const TriangleMesh& mesh, const Eigen::Vector3i& 
 }
 
 /// Three columns of a PLY file; empty if one is absent.
-std::vector<Eigen::Vector3d> Triples(const PlyContent& content, const std::array<const char*, 3>& names) {
+std::vector<Eigen::Vector3d> Triples(const PlyContent& content,
+                                     const std::array<const char*, 3>& names) {
   std::array<const std::vector<double>*, 3> columns{};
   for (std::size_t i = 0; i < 3; ++i) {
     columns[i] = content.Find(names[i]);
@@ -59,7 +61,8 @@ std::vector<Eigen::Vector3f> ToFloat(const std::vector<Eigen::Vector3d>& values)
 }
 
 void RequirePositions(const PlyContent& content, const std::string& where) {
-  Require(content.Find("x") && content.Find("y") && content.Find("z"), where + ": has no vertices with x, y and z");
+  Require(content.Find("x") && content.Find("y") && content.Find("z"),
+          where + ": has no vertices with x, y and z");
 }
 
 }  // namespace
@@ -67,9 +70,12 @@ void RequirePositions(const PlyContent& content, const std::string& where) {
 void WritePly(const fs::path& path, const PointCloud& cloud) {
   const std::size_t n = cloud.Size();
   const auto fits = [&](std::size_t size) { return size == 0 || size == n; };
-  Require(fits(cloud.normals.size()) && fits(cloud.sigma_m.size()) && fits(cloud.intensity.size()) && fits(cloud.pair.size()),
+  Require(fits(cloud.normals.size()) && fits(cloud.sigma_m.size()) &&
+              fits(cloud.intensity.size()) && fits(cloud.pair.size()),
           path.string() + ": the cloud's vectors differ in length");
-  std::string out = kPlyStart + fmt::format("element vertex {}\nproperty float x\nproperty float y\nproperty float z\n", n);
+  std::string out =
+      kPlyStart +
+      fmt::format("element vertex {}\nproperty float x\nproperty float y\nproperty float z\n", n);
   if (!cloud.normals.empty()) out += "property float nx\nproperty float ny\nproperty float nz\n";
   if (!cloud.sigma_m.empty()) out += "property float sigma\n";
   if (!cloud.intensity.empty()) out += "property float intensity\n";
@@ -88,9 +94,11 @@ void WritePly(const fs::path& path, const PointCloud& cloud) {
 
 void WritePly(const fs::path& path, const TriangleMesh& mesh) {
   CheckTriangles(mesh, path);
-  std::string out = kPlyStart + fmt::format("element vertex {}\nproperty float x\nproperty float y\nproperty float z\n"
-                                            "element face {}\nproperty list uchar int vertex_indices\nend_header\n",
-                                            mesh.vertices.size(), mesh.triangles.size());
+  std::string out =
+      kPlyStart + fmt::format(
+                      "element vertex {}\nproperty float x\nproperty float y\nproperty float z\n"
+                      "element face {}\nproperty list uchar int vertex_indices\nend_header\n",
+                      mesh.vertices.size(), mesh.triangles.size());
   for (const Eigen::Vector3d& v : mesh.vertices) AppendFloats(out, v);
   for (const Eigen::Vector3i& t : mesh.triangles) {
     AppendLittle(out, std::uint8_t{3});
@@ -100,12 +108,15 @@ void WritePly(const fs::path& path, const TriangleMesh& mesh) {
 }
 
 PointCloud ReadPlyCloud(const fs::path& path) {
-  const PlyContent content = ParsePly(ReadFile(path), {"x", "y", "z", "nx", "ny", "nz", "sigma", "intensity", "pair"}, false, path.string());
+  const PlyContent content =
+      ParsePly(ReadFile(path), {"x", "y", "z", "nx", "ny", "nz", "sigma", "intensity", "pair"},
+               false, path.string());
   RequirePositions(content, path.string());
   PointCloud cloud;
   cloud.points_m = ToFloat(Triples(content, {"x", "y", "z"}));
   cloud.normals = ToFloat(Triples(content, {"nx", "ny", "nz"}));
-  for (const auto& [name, target] : {std::pair{"sigma", &cloud.sigma_m}, {"intensity", &cloud.intensity}}) {
+  for (const auto& [name, target] :
+       {std::pair{"sigma", &cloud.sigma_m}, {"intensity", &cloud.intensity}}) {
     const std::vector<double>* values = content.Find(name);
     if (!values) continue;
     for (const double value : *values) target->push_back(static_cast<float>(value));
@@ -128,10 +139,13 @@ TriangleMesh ReadPlyMesh(const fs::path& path) {
   const auto count = static_cast<long long>(mesh.vertices.size());
   for (const std::vector<long long>& face : content.faces) {
     for (const long long index : face) {
-      Require(index >= 0 && index < count, path.string() + ": a face names vertex " + std::to_string(index) + " of " + std::to_string(count));
+      Require(index >= 0 && index < count, path.string() + ": a face names vertex " +
+                                               std::to_string(index) + " of " +
+                                               std::to_string(count));
     }
     for (std::size_t i = 2; i < face.size(); ++i) {
-      mesh.triangles.emplace_back(static_cast<int>(face[0]), static_cast<int>(face[i - 1]), static_cast<int>(face[i]));
+      mesh.triangles.emplace_back(static_cast<int>(face[0]), static_cast<int>(face[i - 1]),
+                                  static_cast<int>(face[i]));
     }
   }
   return mesh;
@@ -140,8 +154,10 @@ TriangleMesh ReadPlyMesh(const fs::path& path) {
 void WriteObj(const fs::path& path, const TriangleMesh& mesh) {
   CheckTriangles(mesh, path);
   std::string out = "# Sole mesh, format 1, metres, world frame (z up)\n";
-  for (const Eigen::Vector3d& v : mesh.vertices) out += fmt::format("v {} {} {}\n", v.x(), v.y(), v.z());
-  for (const Eigen::Vector3i& t : mesh.triangles) out += fmt::format("f {} {} {}\n", t[0] + 1, t[1] + 1, t[2] + 1);
+  for (const Eigen::Vector3d& v : mesh.vertices)
+    out += fmt::format("v {} {} {}\n", v.x(), v.y(), v.z());
+  for (const Eigen::Vector3i& t : mesh.triangles)
+    out += fmt::format("f {} {} {}\n", t[0] + 1, t[1] + 1, t[2] + 1);
   WriteStringAtomically(path, out);
 }
 

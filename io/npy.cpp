@@ -34,8 +34,9 @@ class HeaderParser {
       Expect(':');
       if (key == "descr") {
         Skip();
-        Require(at_ < text_.size() && (text_[at_] == '\'' || text_[at_] == '"'),
-                where_ + ": structured arrays are not read: save each field as an array of its own");
+        Require(
+            at_ < text_.size() && (text_[at_] == '\'' || text_[at_] == '"'),
+            where_ + ": structured arrays are not read: save each field as an array of its own");
         header.descr = String();
       } else if (key == "fortran_order") {
         header.fortran = Bool();
@@ -55,7 +56,9 @@ class HeaderParser {
   }
 
  private:
-  [[noreturn]] void Fail() const { throw Error(where_ + ": damaged npy header: write the file again"); }
+  [[noreturn]] void Fail() const {
+    throw Error(where_ + ": damaged npy header: write the file again");
+  }
   void Skip() {
     while (at_ < text_.size() && std::isspace(static_cast<unsigned char>(text_[at_]))) ++at_;
   }
@@ -112,8 +115,8 @@ class HeaderParser {
   std::size_t at_ = 0;
 };
 
-/// Number of elements; empty if it cannot be that of a real array. Bounds empty arrays too, so that nobody
-/// who loops over the other dimensions runs for ever.
+/// Number of elements; empty if it cannot be that of a real array. Bounds empty arrays too, so that
+/// nobody who loops over the other dimensions runs for ever.
 std::optional<std::size_t> CheckedCount(const std::vector<std::size_t>& shape, std::size_t limit) {
   std::size_t nonzero = 1;
   bool empty = false;
@@ -123,7 +126,8 @@ std::optional<std::size_t> CheckedCount(const std::vector<std::size_t>& shape, s
     if (n != 0 && n > std::numeric_limits<std::size_t>::max() / nonzero) return {};
     if (n != 0) nonzero *= n;
   }
-  if (empty) return nonzero <= (std::size_t{1} << 31) ? std::optional<std::size_t>(0) : std::nullopt;
+  if (empty)
+    return nonzero <= (std::size_t{1} << 31) ? std::optional<std::size_t>(0) : std::nullopt;
   return nonzero <= limit ? std::optional(nonzero) : std::nullopt;
 }
 
@@ -145,7 +149,9 @@ std::vector<std::uint8_t> FromFortran(const std::vector<std::uint8_t>& bytes,
   return result;
 }
 
-std::size_t UnitSize(const std::string& dtype, std::size_t item) { return dtype[1] == 'U' ? 4 : item; }
+std::size_t UnitSize(const std::string& dtype, std::size_t item) {
+  return dtype[1] == 'U' ? 4 : item;
+}
 
 }  // namespace
 
@@ -158,8 +164,10 @@ std::size_t ItemSize(const std::string& dtype) {
   }
   if (!dtype.starts_with("<U")) return 0;
   std::size_t characters = 0;
-  const auto [end, code] = std::from_chars(dtype.data() + 2, dtype.data() + dtype.size(), characters);
-  const bool good = code == std::errc() && end == dtype.data() + dtype.size() && characters <= kMaxCharacters;
+  const auto [end, code] =
+      std::from_chars(dtype.data() + 2, dtype.data() + dtype.size(), characters);
+  const bool good =
+      code == std::errc() && end == dtype.data() + dtype.size() && characters <= kMaxCharacters;
   return good ? 4 * characters : 0;
 }
 
@@ -167,29 +175,36 @@ NpyArray ParseNpy(std::span<const std::uint8_t> file, const std::string& where) 
   const std::string_view text(reinterpret_cast<const char*>(file.data()), file.size());
   Require(text.starts_with(kMagic) && text.size() >= 12, where + ": is not an npy file");
   const int major = text[6];
-  Require(major >= 1 && major <= 3, where + ": npy format version " + std::to_string(major) + " is unknown: save it as 1.0");
+  Require(major >= 1 && major <= 3,
+          where + ": npy format version " + std::to_string(major) + " is unknown: save it as 1.0");
   const std::size_t start = major == 1 ? 10 : 12;
-  const std::size_t header_size =
-      major == 1 ? LoadLittle<std::uint16_t>(text.data(), 8) : LoadLittle<std::uint32_t>(text.data(), 8);
-  Require(header_size <= text.size() - start, where + ": the npy header is cut short: write the file again");
+  const std::size_t header_size = major == 1 ? LoadLittle<std::uint16_t>(text.data(), 8)
+                                             : LoadLittle<std::uint32_t>(text.data(), 8);
+  Require(header_size <= text.size() - start,
+          where + ": the npy header is cut short: write the file again");
   Header header = HeaderParser(text.substr(start, header_size), where).Parse();
 
-  Require(header.descr != "|O" && header.descr != "O",
-          where + ": holds Python objects, which are never read: save it with a numeric or string dtype");
+  Require(
+      header.descr != "|O" && header.descr != "O",
+      where +
+          ": holds Python objects, which are never read: save it with a numeric or string dtype");
   const bool big = header.descr[0] == '>';
   std::string dtype = header.descr;
   if (dtype[0] == '>' || dtype[0] == '=') dtype[0] = '<';
   const std::size_t item = ItemSize(dtype);
-  Require(item > 0, where + ": dtype '" + header.descr + "' is not read: save it as float, integer, bool or text (U)");
+  Require(item > 0, where + ": dtype '" + header.descr +
+                        "' is not read: save it as float, integer, bool or text (U)");
 
   const std::size_t available = text.size() - start - header_size;
   const std::optional<std::size_t> count = CheckedCount(header.shape, available / item);
   Require(count && *count * item == available,
-          where + ": " + std::to_string(available) + " bytes of data do not match its shape: it is damaged or cut short");
+          where + ": " + std::to_string(available) +
+              " bytes of data do not match its shape: it is damaged or cut short");
   const auto data = file.subspan(start + header_size);
   NpyArray array{dtype, std::move(header.shape), {data.begin(), data.end()}};
   if (big) SwapElements(array.bytes, UnitSize(dtype, item));
-  if (header.fortran && array.shape.size() > 1) array.bytes = FromFortran(array.bytes, array.shape, item);
+  if (header.fortran && array.shape.size() > 1)
+    array.bytes = FromFortran(array.bytes, array.shape, item);
   return array;
 }
 
@@ -197,11 +212,13 @@ std::vector<std::uint8_t> FormatNpy(const NpyArray& array, const std::string& wh
   const std::size_t item = ItemSize(array.dtype);
   Require(item > 0, where + ": dtype '" + array.dtype + "' cannot be written");
   Require(array.Count() * item == array.bytes.size(),
-          where + ": array holds " + std::to_string(array.bytes.size()) + " bytes, its shape needs " +
-              std::to_string(array.Count() * item));
+          where + ": array holds " + std::to_string(array.bytes.size()) +
+              " bytes, its shape needs " + std::to_string(array.Count() * item));
   std::string header = "{'descr': '" + array.dtype + "', 'fortran_order': False, 'shape': (";
   for (std::size_t i = 0; i < array.shape.size(); ++i) {
-    header += std::to_string(array.shape[i]) + (array.shape.size() == 1 ? "," : i + 1 < array.shape.size() ? ", " : "");
+    header += std::to_string(array.shape[i]) + (array.shape.size() == 1      ? ","
+                                                : i + 1 < array.shape.size() ? ", "
+                                                                             : "");
   }
   header += "), }";
   header.append(63 - (10 + header.size()) % 64, ' ');  // data starts at a multiple of 64

@@ -17,14 +17,16 @@ std::size_t NpyArray::Count() const {
 
 NpyArray ReadNpy(const fs::path& path) {
   const std::string content = ReadFile(path);
-  return ParseNpy({reinterpret_cast<const std::uint8_t*>(content.data()), content.size()}, path.string());
+  return ParseNpy({reinterpret_cast<const std::uint8_t*>(content.data()), content.size()},
+                  path.string());
 }
 
 Npz ReadNpz(const fs::path& path) {
   Npz arrays;
   for (const auto& [name, bytes] : ReadZip(ReadFile(path), path.string())) {
     const bool has_suffix = name.ends_with(".npy");
-    Require(has_suffix, path.string() + ": entry '" + name + "' is not an array: save it with numpy.savez");
+    Require(has_suffix,
+            path.string() + ": entry '" + name + "' is not an array: save it with numpy.savez");
     const std::string key = name.substr(0, name.size() - 4);
     arrays[key] = ParseNpy(bytes, path.string() + ": array '" + key + "'");
   }

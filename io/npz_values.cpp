@@ -20,7 +20,8 @@ NpyArray FromVector(const char* dtype, const std::vector<T>& values) {
 template <typename Matrix>
 NpyArray FromMatrix(const char* dtype, const Matrix& matrix) {
   using T = typename Matrix::Scalar;
-  const auto rows = static_cast<std::size_t>(matrix.rows()), cols = static_cast<std::size_t>(matrix.cols());
+  const auto rows = static_cast<std::size_t>(matrix.rows()),
+             cols = static_cast<std::size_t>(matrix.cols());
   NpyArray array{dtype, {rows, cols}, std::vector<std::uint8_t>(rows * cols * sizeof(T))};
   std::uint8_t* to = array.bytes.data();
   for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
@@ -58,13 +59,17 @@ Loader LoaderOf(const std::string& dtype) {
 
 const NpyArray& Find(const Npz& npz, const std::string& name) {
   const auto found = npz.find(name);
-  Require(found != npz.end(), "array '" + name + "' is missing: the file was written by another program or version");
+  Require(found != npz.end(),
+          "array '" + name + "' is missing: the file was written by another program or version");
   return found->second;
 }
 
 void AppendUtf8(std::string& text, std::uint32_t c, const std::string& name) {
-  Require(c <= 0x10ffff && (c < 0xd800 || c > 0xdfff), "array '" + name + "' holds text that is not Unicode: the file is damaged");
-  const auto put = [&](std::uint32_t byte) { text += static_cast<char>(static_cast<unsigned char>(byte)); };
+  Require(c <= 0x10ffff && (c < 0xd800 || c > 0xdfff),
+          "array '" + name + "' holds text that is not Unicode: the file is damaged");
+  const auto put = [&](std::uint32_t byte) {
+    text += static_cast<char>(static_cast<unsigned char>(byte));
+  };
   if (c < 0x80) {
     put(c);
   } else if (c < 0x800) {
@@ -105,14 +110,20 @@ std::u32string Decode(const std::string& text) {
 
 }  // namespace
 
-NpyArray NpyFrom(const Eigen::Ref<const Eigen::MatrixXd>& matrix) { return FromMatrix("<f8", matrix); }
-NpyArray NpyFrom(const Eigen::Ref<const Eigen::MatrixXi>& matrix) { return FromMatrix("<i4", matrix); }
+NpyArray NpyFrom(const Eigen::Ref<const Eigen::MatrixXd>& matrix) {
+  return FromMatrix("<f8", matrix);
+}
+NpyArray NpyFrom(const Eigen::Ref<const Eigen::MatrixXi>& matrix) {
+  return FromMatrix("<i4", matrix);
+}
 NpyArray NpyFrom(const std::vector<double>& values) { return FromVector("<f8", values); }
 NpyArray NpyFrom(const std::vector<int>& values) { return FromVector("<i4", values); }
 NpyArray NpyFrom(const std::vector<std::int64_t>& values) { return FromVector("<i8", values); }
 NpyArray NpyFrom(const std::vector<std::uint8_t>& values) { return FromVector("|u1", values); }
 
-NpyArray NpyFrom(const std::string& text) { return Reshaped(NpyFrom(std::vector<std::string>{text}), {}); }
+NpyArray NpyFrom(const std::string& text) {
+  return Reshaped(NpyFrom(std::vector<std::string>{text}), {});
+}
 
 NpyArray NpyFrom(const std::vector<std::string>& texts) {
   std::vector<std::u32string> decoded;
@@ -121,9 +132,12 @@ NpyArray NpyFrom(const std::vector<std::string>& texts) {
     decoded.push_back(Decode(text));
     longest = std::max(longest, decoded.back().size());
   }
-  NpyArray array{"<U" + std::to_string(longest), {texts.size()}, std::vector<std::uint8_t>(4 * longest * texts.size())};
+  NpyArray array{"<U" + std::to_string(longest),
+                 {texts.size()},
+                 std::vector<std::uint8_t>(4 * longest * texts.size())};
   for (std::size_t i = 0; i < decoded.size(); ++i) {
-    if (!decoded[i].empty()) std::memcpy(&array.bytes[4 * longest * i], decoded[i].data(), 4 * decoded[i].size());
+    if (!decoded[i].empty())
+      std::memcpy(&array.bytes[4 * longest * i], decoded[i].data(), 4 * decoded[i].size());
   }
   return array;
 }
@@ -170,13 +184,15 @@ std::vector<int> IntsFrom(const Npz& npz, const std::string& name) {
 
 std::string StringFrom(const Npz& npz, const std::string& name) {
   const std::vector<std::string> texts = StringsFrom(npz, name);
-  Require(texts.size() == 1, "array '" + name + "' holds " + std::to_string(texts.size()) + " texts, expected one");
+  Require(texts.size() == 1,
+          "array '" + name + "' holds " + std::to_string(texts.size()) + " texts, expected one");
   return texts[0];
 }
 
 std::vector<std::string> StringsFrom(const Npz& npz, const std::string& name) {
   const NpyArray& array = Find(npz, name);
-  Require(array.dtype.starts_with("<U"), "array '" + name + "' has dtype " + array.dtype + ", expected text");
+  Require(array.dtype.starts_with("<U"),
+          "array '" + name + "' has dtype " + array.dtype + ", expected text");
   const std::size_t item = ItemSize(array.dtype);
   std::vector<std::string> texts;
   for (std::size_t at = 0; item > 0 && at + item <= array.bytes.size(); at += item) {
@@ -194,6 +210,8 @@ std::vector<std::string> StringsFrom(const Npz& npz, const std::string& name) {
   return texts;
 }
 
-const std::vector<std::size_t>& ShapeOf(const Npz& npz, const std::string& name) { return Find(npz, name).shape; }
+const std::vector<std::size_t>& ShapeOf(const Npz& npz, const std::string& name) {
+  return Find(npz, name).shape;
+}
 
 }  // namespace sole::io

@@ -42,8 +42,14 @@ std::size_t SizeOf(Type type) {
 }
 
 Type TypeFrom(const std::string& name, const std::string& where) {
-  constexpr std::array<std::array<std::string_view, 2>, 8> names{{{"char", "int8"}, {"uchar", "uint8"},
-      {"short", "int16"}, {"ushort", "uint16"}, {"int", "int32"}, {"uint", "uint32"}, {"float", "float32"}, {"double", "float64"}}};
+  constexpr std::array<std::array<std::string_view, 2>, 8> names{{{"char", "int8"},
+                                                                  {"uchar", "uint8"},
+                                                                  {"short", "int16"},
+                                                                  {"ushort", "uint16"},
+                                                                  {"int", "int32"},
+                                                                  {"uint", "uint32"},
+                                                                  {"float", "float32"},
+                                                                  {"double", "float64"}}};
   for (std::size_t i = 0; i < names.size(); ++i) {
     if (name == names[i][0] || name == names[i][1]) return static_cast<Type>(i);
   }
@@ -83,8 +89,11 @@ Header ParseHeader(const std::string& file, const std::string& path) {
     if (word == "end_header") break;
     if (word == "format") {
       words >> word;
-      header.encoding = word == "ascii" ? Encoding::kAscii : word == "binary_big_endian" ? Encoding::kBig : Encoding::kLittle;
-      Require(header.encoding != Encoding::kLittle || word == "binary_little_endian", where + ": unknown PLY format '" + word + "'");
+      header.encoding = word == "ascii"               ? Encoding::kAscii
+                        : word == "binary_big_endian" ? Encoding::kBig
+                                                      : Encoding::kLittle;
+      Require(header.encoding != Encoding::kLittle || word == "binary_little_endian",
+              where + ": unknown PLY format '" + word + "'");
       has_format = true;
     } else if (word == "element") {
       Element element;
@@ -94,7 +103,8 @@ Header ParseHeader(const std::string& file, const std::string& path) {
     } else if (word == "property") {
       AddProperty(words, header, where);
     } else {
-      Require(word == "comment" || word == "obj_info" || word == "ply" || word.empty(), where + ": unknown PLY header line '" + word + "'");
+      Require(word == "comment" || word == "obj_info" || word == "ply" || word.empty(),
+              where + ": unknown PLY header line '" + word + "'");
     }
   }
   Require(has_format, path + ": the PLY header names no format");
@@ -108,11 +118,11 @@ class Body {
   Body(std::string_view bytes, Encoding encoding, std::string where)
       : bytes_(bytes), encoding_(encoding), where_(std::move(where)) {}
 
-  double Next(Type type) {
-    return encoding_ == Encoding::kAscii ? NextWord() : NextBinary(type);
-  }
+  double Next(Type type) { return encoding_ == Encoding::kAscii ? NextWord() : NextBinary(type); }
   std::size_t Left() const { return bytes_.size() - at_; }
-  std::size_t SmallestSize(Type type) const { return encoding_ == Encoding::kAscii ? 1 : SizeOf(type); }
+  std::size_t SmallestSize(Type type) const {
+    return encoding_ == Encoding::kAscii ? 1 : SizeOf(type);
+  }
 
  private:
   double NextWord() {
@@ -122,7 +132,8 @@ class Body {
     const char* begin = bytes_.data() + at_;
     const auto [end, code] = std::from_chars(begin, bytes_.data() + bytes_.size(), value);
     Require(code == std::errc() || code == std::errc::result_out_of_range,
-            where_ + (at_ == bytes_.size() ? ": is cut short" : ": holds something that is not a number"));
+            where_ + (at_ == bytes_.size() ? ": is cut short"
+                                           : ": holds something that is not a number"));
     at_ += static_cast<std::size_t>(end - begin);
     return value;
   }
@@ -139,14 +150,22 @@ class Body {
   double NextBinary(Type type) {
     Require(Left() >= SizeOf(type), where_ + ": is cut short");
     switch (type) {
-      case Type::kI1: return Take<std::int8_t>();
-      case Type::kU1: return Take<std::uint8_t>();
-      case Type::kI2: return Take<std::int16_t>();
-      case Type::kU2: return Take<std::uint16_t>();
-      case Type::kI4: return Take<std::int32_t>();
-      case Type::kU4: return Take<std::uint32_t>();
-      case Type::kF4: return Take<float>();
-      case Type::kF8: break;
+      case Type::kI1:
+        return Take<std::int8_t>();
+      case Type::kU1:
+        return Take<std::uint8_t>();
+      case Type::kI2:
+        return Take<std::int16_t>();
+      case Type::kU2:
+        return Take<std::uint16_t>();
+      case Type::kI4:
+        return Take<std::int32_t>();
+      case Type::kU4:
+        return Take<std::uint32_t>();
+      case Type::kF4:
+        return Take<float>();
+      case Type::kF8:
+        break;
     }
     return Take<double>();
   }
@@ -165,7 +184,8 @@ struct Sinks {
 };
 
 long long ToIndex(double value, const std::string& where) {
-  Require(value == std::floor(value) && std::abs(value) < 1e15, where + ": a face holds " + std::to_string(value) + ", expected a vertex number");
+  Require(value == std::floor(value) && std::abs(value) < 1e15,
+          where + ": a face holds " + std::to_string(value) + ", expected a vertex number");
   return static_cast<long long>(value);
 }
 
@@ -180,7 +200,8 @@ void ReadElement(Body& body, const Element& element, const Sinks& sinks, const s
       }
       const double count = body.Next(property.count_type);
       Require(count >= 0 && count == std::floor(count) &&
-                  count * static_cast<double>(body.SmallestSize(property.type)) <= static_cast<double>(body.Left()),
+                  count * static_cast<double>(body.SmallestSize(property.type)) <=
+                      static_cast<double>(body.Left()),
               where + ": a list of element '" + element.name + "' is longer than the file");
       const bool keep = sinks.faces && p == sinks.face_property;
       if (keep) sinks.faces->emplace_back();
@@ -195,7 +216,8 @@ void ReadElement(Body& body, const Element& element, const Sinks& sinks, const s
 /// Smallest number of bytes an entry of `element` can take.
 std::size_t SmallestEntry(const Element& element, const Body& body) {
   std::size_t size = 0;
-  for (const Property& p : element.properties) size += body.SmallestSize(p.list ? p.count_type : p.type);
+  for (const Property& p : element.properties)
+    size += body.SmallestSize(p.list ? p.count_type : p.type);
   return size;
 }
 
@@ -208,14 +230,15 @@ const std::vector<double>* PlyContent::Find(const std::string& name) const {
   return nullptr;
 }
 
-PlyContent ParsePly(const std::string& file, const std::vector<std::string>& wanted, bool want_faces,
-                    const std::string& where) {
+PlyContent ParsePly(const std::string& file, const std::vector<std::string>& wanted,
+                    bool want_faces, const std::string& where) {
   const Header header = ParseHeader(file, where);
   Body body(std::string_view(file).substr(header.size), header.encoding, where);
   PlyContent content;
   for (const Element& element : header.elements) {
     const std::size_t smallest = SmallestEntry(element, body);
-    Require(smallest == 0 ? element.count == 0 || element.name != "vertex" : element.count <= body.Left() / smallest,
+    Require(smallest == 0 ? element.count == 0 || element.name != "vertex"
+                          : element.count <= body.Left() / smallest,
             where + ": claims " + std::to_string(element.count) + " entries of '" + element.name +
                 "', more than the file can hold: it is damaged or cut short");
     if (smallest == 0) continue;
@@ -235,7 +258,8 @@ PlyContent ParsePly(const std::string& file, const std::vector<std::string>& wan
         content.columns.back().values.reserve(element.count);
         sinks.scalars[p] = &content.columns.back().values;
       }
-      if (is_face && property.list && (property.name == "vertex_indices" || property.name == "vertex_index")) {
+      if (is_face && property.list &&
+          (property.name == "vertex_indices" || property.name == "vertex_index")) {
         content.has_faces = true;
         if (want_faces) sinks.faces = &content.faces;
         sinks.face_property = p;

@@ -35,12 +35,14 @@ CameraConfig ReadCamera(TomlTable table) {
   table.Read("packet_delay_ns", camera.packet_delay_ns, {0, std::numeric_limits<int>::max()});
   table.Finish();
   if (camera.serial.empty()) table.Fail("serial", "is missing: every camera needs one");
-  if (camera.serial.find_first_of("/\\") != std::string::npos || camera.serial[0] == '.' || camera.serial.size() > 43) {
+  if (camera.serial.find_first_of("/\\") != std::string::npos || camera.serial[0] == '.' ||
+      camera.serial.size() > 43) {
     table.Fail("serial", "names files: at most 43 characters, no slash and no leading dot");
   }
   const Eigen::Vector3d view = camera.look_at_m - camera.position_m;
   if (!(view.norm() > 1e-3)) table.Fail("position_m", "equals look_at_m: the camera looks nowhere");
-  if (!(view.normalized().cross(camera.up).norm() > 1e-6)) table.Fail("up", "is parallel to the viewing direction");
+  if (!(view.normalized().cross(camera.up).norm() > 1e-6))
+    table.Fail("up", "is parallel to the viewing direction");
   return camera;
 }
 
@@ -57,8 +59,10 @@ void ReadCameras(TomlTable& top, RigConfig& config) {
     table.Read("left", pair.left);
     table.Read("right", pair.right);
     table.Finish();
-    if (!serials.contains(pair.left)) table.Fail("left", "names no camera: there is no serial '" + pair.left + "'");
-    if (!serials.contains(pair.right)) table.Fail("right", "names no camera: there is no serial '" + pair.right + "'");
+    if (!serials.contains(pair.left))
+      table.Fail("left", "names no camera: there is no serial '" + pair.left + "'");
+    if (!serials.contains(pair.right))
+      table.Fail("right", "names no camera: there is no serial '" + pair.right + "'");
     if (pair.left == pair.right) table.Fail("right", "names the same camera as left");
     config.pairs.push_back(pair);
   }
@@ -110,7 +114,8 @@ void ReadTarget(TomlTable& top, TargetConfig& target) {
     table.Read("marker_m", target.marker_m, kPositive);
     table.Finish();
     if (target.marker_m >= target.square_m) table.Fail("marker_m", "must be smaller than square_m");
-    if (target.squares * target.square_m > target.edge_m) table.Fail("square_m", "times squares is longer than edge_m");
+    if (target.squares * target.square_m > target.edge_m)
+      table.Fail("square_m", "times squares is longer than edge_m");
   }
 }
 
@@ -135,24 +140,40 @@ void ReadSimulation(TomlTable& top, SimulationConfig& simulation) {
 std::string Quoted(const std::string& text) {
   std::string quoted = "\"";
   for (const char c : text) {
-    if (c == '"' || c == '\\') (quoted += '\\') += c;
-    else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) quoted += fmt::format("\\u{:04x}", static_cast<int>(c));
-    else quoted += c;
+    if (c == '"' || c == '\\')
+      (quoted += '\\') += c;
+    else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f)
+      quoted += fmt::format("\\u{:04x}", static_cast<int>(c));
+    else
+      quoted += c;
   }
   return quoted + '"';
 }
 
+/// Shortest text that reads back to the same number, always with a point or an exponent: TOML would
+/// take
+/// "-0" for an integer and lose its sign.
+std::string Float(double value) {
+  const std::string text = fmt::format("{}", value);
+  return text.find_first_of(".en") == std::string::npos ? text + ".0" : text;
+}
+
 template <typename Vector>
 std::string Listed(const Vector& v) {
-  return fmt::format("[{}]", fmt::join(v.data(), v.data() + v.size(), ", "));
+  std::string text;
+  for (Eigen::Index i = 0; i < v.size(); ++i) text += (i == 0 ? "" : ", ") + Float(v[i]);
+  return "[" + text + "]";
 }
 
 std::string FormatCamera(const CameraConfig& c) {
   return fmt::format(
-      "\n[[camera]]\nserial = {}\naddress = {}\nwidth = {}\nheight = {}\nfocal_px = {}\nposition_m = {}\n"
-      "look_at_m = {}\nup = {}\nexposure_us = {}\ngain_db = {}\npacket_size = {}\npacket_delay_ns = {}\n",
-      Quoted(c.serial), Quoted(c.address), c.width, c.height, c.focal_px, Listed(c.position_m), Listed(c.look_at_m),
-      Listed(c.up), c.exposure_us, c.gain_db, c.packet_size, c.packet_delay_ns);
+      "\n[[camera]]\nserial = {}\naddress = {}\nwidth = {}\nheight = {}\nfocal_px = {}\nposition_m "
+      "= {}\n"
+      "look_at_m = {}\nup = {}\nexposure_us = {}\ngain_db = {}\npacket_size = {}\npacket_delay_ns "
+      "= {}\n",
+      Quoted(c.serial), Quoted(c.address), c.width, c.height, Float(c.focal_px),
+      Listed(c.position_m), Listed(c.look_at_m), Listed(c.up), Float(c.exposure_us),
+      Float(c.gain_db), c.packet_size, c.packet_delay_ns);
 }
 
 }  // namespace
@@ -178,33 +199,43 @@ RigConfig ParseRig(const std::string& toml, const std::string& name) {
   return config;
 }
 
-RigConfig ReadRigFile(const std::filesystem::path& path) { return ParseRig(ReadFile(path), path.string()); }
+RigConfig ReadRigFile(const std::filesystem::path& path) {
+  return ParseRig(ReadFile(path), path.string());
+}
 
 std::string FormatRig(const RigConfig& config) {
   const TriggerConfig& trigger = config.trigger;
   const PlateConfig& plate = config.plate;
   const TargetConfig& target = config.target;
   std::string text = fmt::format(
-      "# Rig of Sole. Units stand in the names: _m metres, _px pixels, _us microseconds. docs/formats.md has every key.\n"
+      "# Rig of Sole. Units stand in the names: _m metres, _px pixels, _us microseconds. "
+      "docs/formats.md has every key.\n"
       "format_version = {}\nname = {}\n",
       kVersion, Quoted(config.name));
-  text += fmt::format("\n[trigger]\nsource = {}\nrate_hz = {}\nwarmup = {}\ngpio_chip = {}\ngpio_line = {}\nbus_port = {}\n",
-                      Quoted(trigger.source), trigger.rate_hz, trigger.warmup, Quoted(trigger.gpio_chip),
-                      trigger.gpio_line, trigger.bus_port);
-  text += fmt::format("\n[plate]\nsize_x_m = {}\nsize_y_m = {}\nthickness_m = {}\nindex = {}\n", plate.size_x_m,
-                      plate.size_y_m, plate.thickness_m, plate.index);
+  text += fmt::format(
+      "\n[trigger]\nsource = {}\nrate_hz = {}\nwarmup = {}\ngpio_chip = {}\ngpio_line = "
+      "{}\nbus_port = {}\n",
+      Quoted(trigger.source), Float(trigger.rate_hz), trigger.warmup, Quoted(trigger.gpio_chip),
+      trigger.gpio_line, trigger.bus_port);
+  text += fmt::format("\n[plate]\nsize_x_m = {}\nsize_y_m = {}\nthickness_m = {}\nindex = {}\n",
+                      Float(plate.size_x_m), Float(plate.size_y_m), Float(plate.thickness_m),
+                      Float(plate.index));
   for (const Fiducial& f : plate.fiducials) {
-    text += fmt::format("\n[[plate.fiducial]]\nid = {}\ncentre_m = {}\nsize_m = {}\n", f.id, Listed(f.centre_m), f.size_m);
+    text += fmt::format("\n[[plate.fiducial]]\nid = {}\ncentre_m = {}\nsize_m = {}\n", f.id,
+                        Listed(f.centre_m), Float(f.size_m));
   }
-  text += fmt::format("\n[target]\nedge_m = {}\nsquares = {}\nsquare_m = {}\nmarker_m = {}\n", target.edge_m,
-                      target.squares, target.square_m, target.marker_m);
+  text += fmt::format("\n[target]\nedge_m = {}\nsquares = {}\nsquare_m = {}\nmarker_m = {}\n",
+                      Float(target.edge_m), target.squares, Float(target.square_m),
+                      Float(target.marker_m));
   for (const CameraConfig& camera : config.cameras) text += FormatCamera(camera);
   for (const PairConfig& pair : config.pairs) {
-    text += fmt::format("\n[[pair]]\nname = {}\nleft = {}\nright = {}\n", Quoted(pair.name), Quoted(pair.left), Quoted(pair.right));
+    text += fmt::format("\n[[pair]]\nname = {}\nleft = {}\nright = {}\n", Quoted(pair.name),
+                        Quoted(pair.left), Quoted(pair.right));
   }
-  text += fmt::format("\n[simulation]\nnoise = {}\n", config.simulation.noise);
+  text += fmt::format("\n[simulation]\nnoise = {}\n", Float(config.simulation.noise));
   for (const ProjectorConfig& p : config.simulation.projectors) {
-    text += fmt::format("\n[[simulation.projector]]\nposition_m = {}\nlook_at_m = {}\n", Listed(p.position_m), Listed(p.look_at_m));
+    text += fmt::format("\n[[simulation.projector]]\nposition_m = {}\nlook_at_m = {}\n",
+                        Listed(p.position_m), Listed(p.look_at_m));
   }
   return text;
 }

@@ -7,8 +7,8 @@
 
 namespace sole::io {
 
-/// Reads a rig file (TOML; docs/formats.md). Unknown keys, wrong types and impossible values throw Error with
-/// file, line and column. Missing keys take the defaults of RigConfig.
+/// Reads a rig file (TOML; docs/formats.md). Unknown keys, wrong types and impossible values throw
+/// Error with file, line and column. Missing keys take the defaults of RigConfig.
 RigConfig ReadRigFile(const std::filesystem::path& path);
 /// The same from text; `name` stands for the path in messages.
 RigConfig ParseRig(const std::string& toml, const std::string& name);

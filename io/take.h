@@ -17,7 +17,7 @@ namespace sole::io {
 struct TakeInfo {
   int format_version = 1;
   std::string name;
-  std::string subject;   ///< pseudonym
+  std::string subject;  ///< pseudonym
   std::string notes;
   std::string created;   ///< ISO 8601, UTC
   std::string software;  ///< Sole's version
@@ -43,12 +43,14 @@ struct TakePaths {
   std::filesystem::path Info() const { return root / "take.json"; }
   std::filesystem::path RigFile() const { return root / "rig.toml"; }
   std::filesystem::path Triggers() const { return root / "triggers.csv"; }
-  std::filesystem::path Raw(const std::string& serial) const { return root / "cameras" / (serial + ".raw"); }
+  std::filesystem::path Raw(const std::string& serial) const {
+    return root / "cameras" / (serial + ".raw");
+  }
   std::filesystem::path TruthMesh(std::int64_t trigger) const;  ///< truth/mesh/000001.ply
   std::filesystem::path Truth() const { return root / "truth" / "truth.npz"; }
   std::filesystem::path TruthRig() const { return root / "truth" / "rig.json"; }
-  std::filesystem::path Scan(std::int64_t trigger) const;       ///< scans/000001.ply
-  std::filesystem::path Platform(std::int64_t trigger) const;   ///< scans/platform/000001.ply
+  std::filesystem::path Scan(std::int64_t trigger) const;      ///< scans/000001.ply
+  std::filesystem::path Platform(std::int64_t trigger) const;  ///< scans/platform/000001.ply
   std::filesystem::path ReconstructionStats() const { return root / "scans" / "stats.json"; }
   std::filesystem::path Contact() const { return root / "contact.npz"; }
   std::filesystem::path Fit() const { return root / "fit.npz"; }
@@ -61,9 +63,10 @@ void WriteTakeInfo(const TakePaths& take, const TakeInfo& info);
 std::vector<TriggerRecord> ReadTriggers(const TakePaths& take);
 void WriteTriggers(const TakePaths& take, const std::vector<TriggerRecord>& triggers);
 
-/// A recorded take as a source of frame sets, trigger by trigger. Opening checks that take.json is of a
-/// known version and state, that the rig file is readable and that every camera of the rig has a readable file; throws Error
-/// naming what is missing. A torn last record is dropped (its image is absent).
+/// A recorded take as a source of frame sets, trigger by trigger. Opening checks that take.json is
+/// of a known version and state, that the rig file is readable and that every camera of the rig has
+/// a readable file; throws Error naming what is missing. A torn last record is dropped (its image
+/// is absent).
 class TakeReader : public FrameSource {
  public:
   explicit TakeReader(const std::filesystem::path& directory);
@@ -81,7 +84,8 @@ class TakeReader : public FrameSource {
   std::unique_ptr<State> state_;
 };
 
-/// contact.npz and fit.npz (docs/formats.md). contact.npz holds the ground of every frame, and after fitting the labels.
+/// contact.npz and fit.npz (docs/formats.md). contact.npz holds the ground of every frame, and
+/// after fitting the labels.
 struct ContactFile {
   std::vector<std::int64_t> triggers;
   std::vector<GroundPlane> ground;
@@ -92,7 +96,8 @@ ContactFile ReadContact(const std::filesystem::path& path);
 void WriteFit(const std::filesystem::path& path, const FitSequence& fit);
 FitSequence ReadFit(const std::filesystem::path& path);
 
-/// One line of measurements.csv: frame (trigger), name, value, unit, uncertainty (same unit), definition version.
+/// One line of measurements.csv: frame (trigger), name, value, unit, uncertainty (same unit),
+/// definition version.
 struct Measurement {
   std::int64_t frame = 0;
   std::string name;
@@ -101,7 +106,8 @@ struct Measurement {
   double uncertainty = 0;
   int definition_version = 1;
 };
-void WriteMeasurements(const std::filesystem::path& path, const std::vector<Measurement>& measurements);
+void WriteMeasurements(const std::filesystem::path& path,
+                       const std::vector<Measurement>& measurements);
 std::vector<Measurement> ReadMeasurements(const std::filesystem::path& path);
 
 }  // namespace sole::io

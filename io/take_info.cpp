@@ -18,16 +18,20 @@ namespace {
 constexpr int kTakeVersion = 1;
 constexpr std::array kStates{"recording", "complete", "recovered", "aborted"};
 constexpr std::array kVerdicts{"", "good", "usable", "repeat"};
-const std::vector<std::string> kTriggerColumns{"trigger",  "kind",
-                                               "scheduled_s", "actual_s", "exposure_start_s", "exposure_end_s"};
-const std::vector<std::string> kMeasurementColumns{"frame", "name", "value", "unit", "uncertainty", "definition_version"};
+const std::vector<std::string> kTriggerColumns{
+    "trigger", "kind", "scheduled_s", "actual_s", "exposure_start_s", "exposure_end_s"};
+const std::vector<std::string> kMeasurementColumns{"frame", "name",        "value",
+                                                   "unit",  "uncertainty", "definition_version"};
 
 std::string NumberedPly(std::int64_t trigger) { return fmt::format("{:06}.ply", trigger); }
 
-std::string Header(const std::vector<std::string>& columns) { return fmt::format("{}\n", fmt::join(columns, ",")); }
+std::string Header(const std::vector<std::string>& columns) {
+  return fmt::format("{}\n", fmt::join(columns, ","));
+}
 
 template <typename List>
-void RequireOneOf(const std::string& value, const List& list, const char* key, const std::string& where) {
+void RequireOneOf(const std::string& value, const List& list, const char* key,
+                  const std::string& where) {
   for (const char* known : list) {
     if (value == known) return;
   }
@@ -36,9 +40,15 @@ void RequireOneOf(const std::string& value, const List& list, const char* key, c
 
 }  // namespace
 
-fs::path TakePaths::TruthMesh(std::int64_t trigger) const { return root / "truth" / "mesh" / NumberedPly(trigger); }
-fs::path TakePaths::Scan(std::int64_t trigger) const { return root / "scans" / NumberedPly(trigger); }
-fs::path TakePaths::Platform(std::int64_t trigger) const { return root / "scans" / "platform" / NumberedPly(trigger); }
+fs::path TakePaths::TruthMesh(std::int64_t trigger) const {
+  return root / "truth" / "mesh" / NumberedPly(trigger);
+}
+fs::path TakePaths::Scan(std::int64_t trigger) const {
+  return root / "scans" / NumberedPly(trigger);
+}
+fs::path TakePaths::Platform(std::int64_t trigger) const {
+  return root / "scans" / "platform" / NumberedPly(trigger);
+}
 
 TakeInfo ReadTakeInfo(const TakePaths& take) {
   const std::string where = take.Info().string();
@@ -46,8 +56,9 @@ TakeInfo ReadTakeInfo(const TakePaths& take) {
   const Json json = ParseJson(ReadFile(take.Info()), where);
   TakeInfo info;
   info.format_version = Get<int>(json, "format_version", where);
-  Require(info.format_version == kTakeVersion, where + ": format version " + std::to_string(info.format_version) +
-                                                   " is unknown: use the version of Sole that recorded it");
+  Require(info.format_version == kTakeVersion,
+          where + ": format version " + std::to_string(info.format_version) +
+              " is unknown: use the version of Sole that recorded it");
   info.name = Get<std::string>(json, "name", where);
   info.subject = Get<std::string>(json, "subject", where);
   info.notes = Get<std::string>(json, "notes", where);
@@ -71,17 +82,18 @@ void WriteTakeInfo(const TakePaths& take, const TakeInfo& info) {
   const std::string where = take.Info().string();
   RequireOneOf(info.state, kStates, "state", where);
   RequireOneOf(info.verdict, kVerdicts, "verdict", where);
-  const Json json{{"format", "sole-take"},      {"format_version", info.format_version},
-                  {"units", "SI: m, s, rad"},   {"name", info.name},
-                  {"subject", info.subject},    {"notes", info.notes},
-                  {"created", info.created},    {"software", info.software},
-                  {"rig_hash", info.rig_hash},  {"state", info.state},
-                  {"verdict", info.verdict},    {"reasons", info.reasons}};
+  const Json json{{"format", "sole-take"},     {"format_version", info.format_version},
+                  {"units", "SI: m, s, rad"},  {"name", info.name},
+                  {"subject", info.subject},   {"notes", info.notes},
+                  {"created", info.created},   {"software", info.software},
+                  {"rig_hash", info.rig_hash}, {"state", info.state},
+                  {"verdict", info.verdict},   {"reasons", info.reasons}};
   WriteStringAtomically(take.Info(), FormatJson(json));
 }
 
 std::vector<TriggerRecord> ReadTriggers(const TakePaths& take) {
-  const CsvTable table = ParseCsv(ReadFile(take.Triggers()), kTriggerColumns, take.Triggers().string());
+  const CsvTable table =
+      ParseCsv(ReadFile(take.Triggers()), kTriggerColumns, take.Triggers().string());
   std::vector<TriggerRecord> triggers;
   for (const CsvTable::Row& row : table.rows) {
     TriggerRecord record;
@@ -105,8 +117,8 @@ std::vector<TriggerRecord> ReadTriggers(const TakePaths& take) {
 void WriteTriggers(const TakePaths& take, const std::vector<TriggerRecord>& triggers) {
   std::string text = Header(kTriggerColumns);
   for (const TriggerRecord& t : triggers) {
-    text += fmt::format("{},{},{},{},{},{}\n", t.trigger, ToString(t.kind), t.scheduled_s, t.actual_s,
-                        t.exposure_start_s, t.exposure_end_s);
+    text += fmt::format("{},{},{},{},{},{}\n", t.trigger, ToString(t.kind), t.scheduled_s,
+                        t.actual_s, t.exposure_start_s, t.exposure_end_s);
   }
   WriteStringAtomically(take.Triggers(), text);
 }
@@ -114,8 +126,8 @@ void WriteTriggers(const TakePaths& take, const std::vector<TriggerRecord>& trig
 void WriteMeasurements(const fs::path& path, const std::vector<Measurement>& measurements) {
   std::string text = Header(kMeasurementColumns);
   for (const Measurement& m : measurements) {
-    text += fmt::format("{},{},{},{},{},{}\n", m.frame, CsvField(m.name), m.value, CsvField(m.unit), m.uncertainty,
-                        m.definition_version);
+    text += fmt::format("{},{},{},{},{},{}\n", m.frame, CsvField(m.name), m.value, CsvField(m.unit),
+                        m.uncertainty, m.definition_version);
   }
   WriteStringAtomically(path, text);
 }
@@ -126,8 +138,8 @@ std::vector<Measurement> ReadMeasurements(const fs::path& path) {
   for (const CsvTable::Row& row : table.rows) {
     const std::int64_t version = table.Integer(row, 5);
     Require(version >= 1 && version < 1000000, table.Place(row, 5) + ": must be 1 or more");
-    measurements.push_back({table.Integer(row, 0), row.fields[1], table.Number(row, 2), row.fields[3],
-                            table.Number(row, 4), static_cast<int>(version)});
+    measurements.push_back({table.Integer(row, 0), row.fields[1], table.Number(row, 2),
+                            row.fields[3], table.Number(row, 4), static_cast<int>(version)});
   }
   return measurements;
 }

@@ -23,15 +23,18 @@ CameraFile OpenCamera(const TakePaths& take, const CameraConfig& camera) {
   const fs::path partial = file.path.string() + ".partial";
   if (!fs::exists(file.path) && fs::exists(partial)) file.path = partial;
   Require(fs::exists(file.path), "take " + take.root.string() + ": camera '" + camera.serial +
-                                     "' of its rig file has no recording: " + file.path.string() + " is missing");
+                                     "' of its rig file has no recording: " + file.path.string() +
+                                     " is missing");
   const RawIndex index = ReadRawIndex(file.path);
-  Require(index.serial == camera.serial, file.path.string() + ": holds camera '" + index.serial + "', not '" + camera.serial + "'");
+  Require(index.serial == camera.serial, file.path.string() + ": holds camera '" + index.serial +
+                                             "', not '" + camera.serial + "'");
   for (const RawRecord& record : index.records) {
     const RawRecordHeader& header = record.header;
-    Require(header.width == static_cast<std::uint32_t>(camera.width) && header.height == static_cast<std::uint32_t>(camera.height),
-            file.path.string() + ": images of " + std::to_string(header.width) + " x " + std::to_string(header.height) +
-                " pixels, but " + take.RigFile().string() + " says " + std::to_string(camera.width) + " x " +
-                std::to_string(camera.height));
+    Require(header.width == static_cast<std::uint32_t>(camera.width) &&
+                header.height == static_cast<std::uint32_t>(camera.height),
+            file.path.string() + ": images of " + std::to_string(header.width) + " x " +
+                std::to_string(header.height) + " pixels, but " + take.RigFile().string() +
+                " says " + std::to_string(camera.width) + " x " + std::to_string(camera.height));
     if (header.status == 0 && header.trigger >= 1) file.records.emplace(header.trigger, record);
   }
   return file;
@@ -51,7 +54,8 @@ struct TakeReader::State {
 TakeReader::TakeReader(const fs::path& directory) : state_(std::make_unique<State>()) {
   State& state = *state_;
   state.paths.root = directory;
-  Require(fs::is_directory(directory), directory.string() + " is not a take: there is no such folder");
+  Require(fs::is_directory(directory),
+          directory.string() + " is not a take: there is no such folder");
   state.info = ReadTakeInfo(state.paths);
   state.config = ReadRigFile(state.paths.RigFile());
   state.triggers = ReadTriggers(state.paths);
@@ -73,14 +77,17 @@ std::optional<FrameSet> TakeReader::Next() {
 
 FrameSet TakeReader::Read(std::size_t index) const {
   Require(index < state_->triggers.size(), "take " + state_->paths.root.string() + ": has " +
-                                               std::to_string(state_->triggers.size()) + " triggers, asked for number " +
+                                               std::to_string(state_->triggers.size()) +
+                                               " triggers, asked for number " +
                                                std::to_string(index + 1));
   const TriggerRecord& trigger = state_->triggers[index];
   FrameSet frames{trigger.trigger, trigger.actual_s, trigger.kind, {}};
   for (const CameraFile& camera : state_->cameras) {
     const auto record = camera.records.find(trigger.trigger);
-    if (record == camera.records.end()) frames.images.emplace_back();
-    else frames.images.emplace_back(ReadRawImage(camera.path, record->second));
+    if (record == camera.records.end())
+      frames.images.emplace_back();
+    else
+      frames.images.emplace_back(ReadRawImage(camera.path, record->second));
   }
   return frames;
 }

@@ -38,7 +38,8 @@ std::string Suggestion(const std::string& key, const std::set<std::string>& know
       best = candidate;
     }
   }
-  return best.empty() ? fmt::format("known are {}", fmt::join(known, ", ")) : "did you mean " + best + "?";
+  return best.empty() ? fmt::format("known are {}", fmt::join(known, ", "))
+                      : "did you mean " + best + "?";
 }
 
 }  // namespace
@@ -94,13 +95,15 @@ void TomlTable::Read(const char* key, double& value, Range range) {
 void TomlTable::ReadNumbers(const char* key, double* values, std::size_t count) {
   const toml::node* node = Find(key);
   if (!node) return;
-  const std::string expected = count == 1 ? "must be a number" : fmt::format("must be a list of {} numbers", count);
+  const std::string expected =
+      count == 1 ? "must be a number" : fmt::format("must be a list of {} numbers", count);
   const toml::array* list = node->as_array();
   if (count > 1 && (!list || list->size() != count)) Fail(key, expected);
   for (std::size_t i = 0; i < count; ++i) {
     const toml::node& item = count == 1 ? *node : *list->get(i);
     if (!item.is_number()) Fail(key, expected);
-    const double read = item.is_integer() ? static_cast<double>(item.as_integer()->get()) : item.as_floating_point()->get();
+    const double read = item.is_integer() ? static_cast<double>(item.as_integer()->get())
+                                          : item.as_floating_point()->get();
     if (!std::isfinite(read)) Fail(key, "must be finite");
     values[i] = read;
   }
@@ -133,7 +136,8 @@ void TomlTable::Finish() const {
   for (auto&& [key, node] : *table_) {
     const std::string name(key.str());
     if (known_.contains(name)) continue;
-    throw Error(Position(file_, key.source()) + "unknown " + Titled(name) + ": " + Suggestion(name, known_));
+    throw Error(Position(file_, key.source()) + "unknown " + Titled(name) + ": " +
+                Suggestion(name, known_));
   }
 }
 

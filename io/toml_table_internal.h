@@ -15,11 +15,13 @@ struct Range {
   double high;
 };
 
-/// Reads one table of a TOML file key by key. Every error says "file:line:column:". A key that is absent
-/// leaves the value as it is. Finish() refuses keys that nobody asked for and suggests the nearest one.
+/// Reads one table of a TOML file key by key. Every error says "file:line:column:". A key that is
+/// absent leaves the value as it is. Finish() refuses keys that nobody asked for and suggests the
+/// nearest one.
 class TomlTable {
  public:
-  /// `title` is how users write the table: "[plate]" or "[[camera]]"; empty for the top of the file.
+  /// `title` is how users write the table: "[plate]" or "[[camera]]"; empty for the top of the
+  /// file.
   TomlTable(const toml::table& table, std::string file, std::string title);
 
   void Read(const char* key, std::string& value);

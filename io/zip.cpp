@@ -10,7 +10,8 @@
 namespace sole::io {
 namespace {
 
-constexpr std::uint32_t kLocalMagic = 0x04034b50, kCentralMagic = 0x02014b50, kEndMagic = 0x06054b50;
+constexpr std::uint32_t kLocalMagic = 0x04034b50, kCentralMagic = 0x02014b50,
+                        kEndMagic = 0x06054b50;
 constexpr std::size_t kLocalSize = 30, kCentralSize = 46, kEndSize = 22;
 constexpr std::uint16_t kDosDate1980 = 0x0021;
 
@@ -54,12 +55,14 @@ std::string Deflate(const Bytes& bytes) {
 
 /// Offset of the end-of-central-directory record.
 std::size_t FindEnd(const std::string& archive, const std::string& where) {
-  Require(archive.size() >= kEndSize, where + ": too short for a zip archive: write the file again");
+  Require(archive.size() >= kEndSize,
+          where + ": too short for a zip archive: write the file again");
   const std::size_t last = archive.size() - kEndSize;
   const std::size_t first = last > 0xffff ? last - 0xffff : 0;
   for (std::size_t at = last + 1; at-- > first;) {
     if (LoadLittle<std::uint32_t>(archive.data(), at) != kEndMagic) continue;
-    if (at + kEndSize + LoadLittle<std::uint16_t>(archive.data(), at + 20) == archive.size()) return at;
+    if (at + kEndSize + LoadLittle<std::uint16_t>(archive.data(), at + 20) == archive.size())
+      return at;
   }
   throw Error(where + ": not a zip archive or cut short: write the file again");
 }
@@ -68,7 +71,8 @@ std::vector<Entry> ReadDirectory(const std::string& archive, const std::string& 
   const std::size_t end = FindEnd(archive, where);
   const auto count = LoadLittle<std::uint16_t>(archive.data(), end + 10);
   std::size_t at = LoadLittle<std::uint32_t>(archive.data(), end + 16);
-  Require(count != 0xffff && at != 0xffffffff, where + ": is a zip64 archive, which Sole does not read: save smaller arrays");
+  Require(count != 0xffff && at != 0xffffffff,
+          where + ": is a zip64 archive, which Sole does not read: save smaller arrays");
   std::vector<Entry> entries;
   std::uint64_t packed_total = 0;
   for (std::uint16_t i = 0; i < count; ++i) {
@@ -77,7 +81,8 @@ std::vector<Entry> ReadDirectory(const std::string& archive, const std::string& 
     const char* header = archive.data() + at;
     Require(LoadLittle<std::uint32_t>(header) == kCentralMagic, damaged);
     const std::size_t name_size = LoadLittle<std::uint16_t>(header, 28);
-    const std::size_t extra = LoadLittle<std::uint16_t>(header, 30) + LoadLittle<std::uint16_t>(header, 32);
+    const std::size_t extra =
+        LoadLittle<std::uint16_t>(header, 30) + LoadLittle<std::uint16_t>(header, 32);
     Require(end - at - kCentralSize >= name_size + extra, damaged);
     Entry entry;
     entry.name.assign(header + kCentralSize, name_size);
@@ -98,18 +103,23 @@ std::vector<Entry> ReadDirectory(const std::string& archive, const std::string& 
 
 Bytes ReadEntry(const std::string& archive, const Entry& entry, const std::string& where) {
   const std::string item = where + ": entry '" + entry.name + "' ";
-  Require(entry.packed_size != 0xffffffff && entry.size != 0xffffffff && entry.local_offset != 0xffffffff,
+  Require(entry.packed_size != 0xffffffff && entry.size != 0xffffffff &&
+              entry.local_offset != 0xffffffff,
           item + "is zip64, which Sole does not read: save smaller arrays");
   Require((entry.flags & 1) == 0, item + "is encrypted: save it without a password");
-  Require(entry.method == 0 || entry.method == 8,
-          item + "uses zip method " + std::to_string(entry.method) + ": only stored and deflated are read");
+  Require(entry.method == 0 || entry.method == 8, item + "uses zip method " +
+                                                      std::to_string(entry.method) +
+                                                      ": only stored and deflated are read");
   const std::size_t offset = entry.local_offset;
   const std::string outside = item + "lies outside the file: it is damaged or cut short";
   Require(offset <= archive.size() && archive.size() - offset >= kLocalSize, outside);
   const char* header = archive.data() + offset;
-  Require(LoadLittle<std::uint32_t>(header) == kLocalMagic, item + "has no local header: the file is damaged");
-  const std::size_t skip = kLocalSize + LoadLittle<std::uint16_t>(header, 26) + LoadLittle<std::uint16_t>(header, 28);
-  Require(archive.size() - offset >= skip && archive.size() - offset - skip >= entry.packed_size, outside);
+  Require(LoadLittle<std::uint32_t>(header) == kLocalMagic,
+          item + "has no local header: the file is damaged");
+  const std::size_t skip =
+      kLocalSize + LoadLittle<std::uint16_t>(header, 26) + LoadLittle<std::uint16_t>(header, 28);
+  Require(archive.size() - offset >= skip && archive.size() - offset - skip >= entry.packed_size,
+          outside);
   const std::string_view packed(header + skip, entry.packed_size);
   Bytes bytes;
   if (entry.method == 0) {
@@ -117,12 +127,14 @@ Bytes ReadEntry(const std::string& archive, const Entry& entry, const std::strin
     bytes.assign(packed.begin(), packed.end());
   } else {
     // Deflate expands at most 1032-fold: a larger claim is damage, found before memory is taken.
-    Require(entry.size <= std::uint64_t{1032} * (packed.size() + 1), item + "claims an impossible size: the file is damaged");
+    Require(entry.size <= std::uint64_t{1032} * (packed.size() + 1),
+            item + "claims an impossible size: the file is damaged");
     bool ok = false;
     bytes = Inflate(packed, entry.size, ok);
     Require(ok, item + "does not decompress: the file is damaged");
   }
-  Require(Crc32(bytes.data(), bytes.size()) == entry.crc, item + "fails its checksum: the file is damaged");
+  Require(Crc32(bytes.data(), bytes.size()) == entry.crc,
+          item + "fails its checksum: the file is damaged");
   return bytes;
 }
 
@@ -157,7 +169,8 @@ std::map<std::string, Bytes> ReadZip(const std::string& archive, const std::stri
 
 std::string FormatZip(const std::map<std::string, Bytes>& entries, const std::string& where) {
   constexpr std::uint64_t kLimit = std::numeric_limits<std::uint32_t>::max();
-  const std::string too_large = where + ": more than 4 GiB or 65534 arrays do not fit into one npz: split the data";
+  const std::string too_large =
+      where + ": more than 4 GiB or 65534 arrays do not fit into one npz: split the data";
   Require(entries.size() < 0xffff, too_large);
   std::string out, directory;
   for (const auto& [name, bytes] : entries) {
@@ -172,13 +185,16 @@ std::string FormatZip(const std::map<std::string, Bytes>& entries, const std::st
     AppendLittle(out, kLocalMagic);
     AppendShared(out, entry);
     out += name;
-    if (deflated) out += packed;
-    else out.append(bytes.begin(), bytes.end());
+    if (deflated)
+      out += packed;
+    else
+      out.append(bytes.begin(), bytes.end());
     AppendLittle(directory, kCentralMagic);
     AppendLittle<std::uint16_t>(directory, 20);
     AppendShared(directory, entry);
-    for (int i = 0; i < 3; ++i) AppendLittle<std::uint16_t>(directory, 0);  // comment, disk, internal
-    AppendLittle<std::uint32_t>(directory, 0);                              // external attributes
+    for (int i = 0; i < 3; ++i)
+      AppendLittle<std::uint16_t>(directory, 0);  // comment, disk, internal
+    AppendLittle<std::uint32_t>(directory, 0);    // external attributes
     AppendLittle(directory, entry.local_offset);
     directory += name;
     Require(out.size() + directory.size() + kEndSize < kLimit, too_large);

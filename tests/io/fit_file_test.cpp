@@ -105,7 +105,8 @@ TEST(Fit, RefusesFramesOfDifferentSize) {
   FitSequence fit;
   fit.frames = {MakeFit(1), MakeFit(2)};
   fit.frames[1].vertices_m.conservativeResize(6, 3);
-  EXPECT_THAT(ErrorOf([&] { WriteFit(dir / "fit.npz", fit); }), HasSubstr("fit.npz: frames differ in the size of vertices_m"));
+  EXPECT_THAT(ErrorOf([&] { WriteFit(dir / "fit.npz", fit); }),
+              HasSubstr("fit.npz: frames differ in the size of vertices_m"));
 }
 
 TEST(Fit, NamesTheArrayThatIsWrong) {
@@ -116,10 +117,12 @@ TEST(Fit, NamesTheArrayThatIsWrong) {
   Npz npz = ReadNpz(dir / "fit.npz");
   npz.erase("theta");
   WriteNpz(dir / "a.npz", npz);
-  EXPECT_THAT(ErrorOf([&] { ReadFit(dir / "a.npz"); }), HasSubstr("a.npz: array 'theta' is missing"));
+  EXPECT_THAT(ErrorOf([&] { ReadFit(dir / "a.npz"); }),
+              HasSubstr("a.npz: array 'theta' is missing"));
   npz["theta"] = NpyFrom(std::vector<double>{1, 2});
   WriteNpz(dir / "b.npz", npz);
-  EXPECT_THAT(ErrorOf([&] { ReadFit(dir / "b.npz"); }), HasSubstr("b.npz: array 'theta' has the wrong shape"));
+  EXPECT_THAT(ErrorOf([&] { ReadFit(dir / "b.npz"); }),
+              HasSubstr("b.npz: array 'theta' has the wrong shape"));
 }
 
 TEST(Contact, RoundTripsBeforeAndAfterFitting) {
@@ -149,7 +152,8 @@ TEST(Contact, RoundTripsBeforeAndAfterFitting) {
 TEST(Contact, RefusesAFitFile) {
   const TempDir dir;
   WriteFit(dir / "fit.npz", {});
-  EXPECT_THAT(ErrorOf([&] { ReadContact(dir / "fit.npz"); }), HasSubstr("fit.npz: is a 'sole-fit' file, expected 'sole-contact'"));
+  EXPECT_THAT(ErrorOf([&] { ReadContact(dir / "fit.npz"); }),
+              HasSubstr("fit.npz: is a 'sole-fit' file, expected 'sole-contact'"));
 }
 
 }  // namespace

@@ -70,7 +70,8 @@ TEST(ReadNpy, TurnsFortranOrderAndBigEndianRound) {
   const TempDir dir;
   // [[1, 2, 3], [4, 5, 6]] as big-endian int16, columns first.
   const std::string data("\0\1\0\4\0\2\0\5\0\3\0\6", 12);
-  WriteStringAtomically(dir / "a.npy", NpyBytes("{'descr': '>i2', 'fortran_order': True, 'shape': (2, 3), }", data));
+  WriteStringAtomically(
+      dir / "a.npy", NpyBytes("{'descr': '>i2', 'fortran_order': True, 'shape': (2, 3), }", data));
   const NpyArray array = ReadNpy(dir / "a.npy");
   EXPECT_EQ(array.dtype, "<i2");
   Eigen::MatrixXd expected(2, 3);
@@ -87,13 +88,20 @@ TEST(ReadNpy, RefusesWhatItCannotMean) {
   const auto dictionary = [](const std::string& descr, const std::string& shape) {
     return "{'descr': " + descr + ", 'fortran_order': False, 'shape': " + shape + ", }";
   };
-  EXPECT_THAT(reading(NpyBytes(dictionary("'|O'", "(1,)"), "12345678")), HasSubstr("a.npy: holds Python objects"));
-  EXPECT_THAT(reading(NpyBytes(dictionary("[('x', '<f8')]", "(1,)"), "12345678")), HasSubstr("structured arrays"));
-  EXPECT_THAT(reading(NpyBytes(dictionary("'<c16'", "(1,)"), "12345678")), HasSubstr("dtype '<c16' is not read"));
-  EXPECT_THAT(reading(NpyBytes(dictionary("'<f8'", "(2,)"), "12345678")), HasSubstr("do not match its shape"));
-  EXPECT_THAT(reading(NpyBytes(dictionary("'<f8'", "(4294967296, 4294967296)"), "")), HasSubstr("do not match its shape"));
-  EXPECT_THAT(reading(NpyBytes(dictionary("'<f8'", "(0, 9000000000000000000)"), "")), HasSubstr("do not match its shape"));
-  EXPECT_THAT(reading(NpyBytes(dictionary("'<U9999999999'", "(1,)"), "")), HasSubstr("is not read"));
+  EXPECT_THAT(reading(NpyBytes(dictionary("'|O'", "(1,)"), "12345678")),
+              HasSubstr("a.npy: holds Python objects"));
+  EXPECT_THAT(reading(NpyBytes(dictionary("[('x', '<f8')]", "(1,)"), "12345678")),
+              HasSubstr("structured arrays"));
+  EXPECT_THAT(reading(NpyBytes(dictionary("'<c16'", "(1,)"), "12345678")),
+              HasSubstr("dtype '<c16' is not read"));
+  EXPECT_THAT(reading(NpyBytes(dictionary("'<f8'", "(2,)"), "12345678")),
+              HasSubstr("do not match its shape"));
+  EXPECT_THAT(reading(NpyBytes(dictionary("'<f8'", "(4294967296, 4294967296)"), "")),
+              HasSubstr("do not match its shape"));
+  EXPECT_THAT(reading(NpyBytes(dictionary("'<f8'", "(0, 9000000000000000000)"), "")),
+              HasSubstr("do not match its shape"));
+  EXPECT_THAT(reading(NpyBytes(dictionary("'<U9999999999'", "(1,)"), "")),
+              HasSubstr("is not read"));
   EXPECT_THAT(reading(NpyBytes(dictionary("'<f8'", "(-1,)"), "")), HasSubstr("damaged npy header"));
   EXPECT_THAT(reading("hello, this is not an array"), HasSubstr("is not an npy file"));
   EXPECT_THAT(ErrorOf([&] { ReadNpy(dir / "absent.npy"); }), HasSubstr("absent.npy: No such file"));
@@ -121,10 +129,14 @@ TEST(ReadNpz, RefusesAnEntryThatClaimsAnImpossibleSize) {
 TEST(MatrixFrom, NamesTheArray) {
   const Npz npz{{"text", NpyFrom(std::string("x"))}, {"half", NpyFrom(std::vector<double>{0.5})}};
   EXPECT_THAT(ErrorOf([&] { MatrixFrom(npz, "beta"); }), HasSubstr("array 'beta' is missing"));
-  EXPECT_THAT(ErrorOf([&] { MatrixFrom(npz, "text"); }), HasSubstr("array 'text' has dtype <U1, expected numbers"));
+  EXPECT_THAT(ErrorOf([&] { MatrixFrom(npz, "text"); }),
+              HasSubstr("array 'text' has dtype <U1, expected numbers"));
   EXPECT_THAT(ErrorOf([&] { IntsFrom(npz, "half"); }), HasSubstr("array 'half' holds 0.5"));
   EXPECT_THAT(ErrorOf([&] { StringFrom(npz, "half"); }), HasSubstr("expected text"));
-  EXPECT_THAT(ErrorOf([&] { Reshaped(NpyFrom(std::vector<double>{1, 2}), {3}); }), HasSubstr("does not take a shape"));
+  EXPECT_THAT(ErrorOf([&] {
+                Reshaped(NpyFrom(std::vector<double>{1, 2}), {3});
+              }),
+              HasSubstr("does not take a shape"));
 }
 
 }  // namespace

@@ -26,12 +26,14 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 ImageU8 Picture(int width, int height, int seed) {
   ImageU8 image(width, height);
   for (std::size_t i = 0; i < image.pixels.size(); ++i) {
-    image.pixels[i] = static_cast<std::uint8_t>((i * 7 + static_cast<std::size_t>(seed) * 31) % 251);
+    image.pixels[i] =
+        static_cast<std::uint8_t>((i * 7 + static_cast<std::size_t>(seed) * 31) % 251);
   }
   return image;
 }
 
-/// A take of two cameras and three triggers; camera 2 has no record of trigger 2 and a bad one of trigger 3.
+/// A take of two cameras and three triggers; camera 2 has no record of trigger 2 and a bad one of
+/// trigger 3.
 TakePaths MakeTake(const std::filesystem::path& root) {
   const TakePaths take{root};
   MakeDirectory(root / "cameras");
@@ -56,7 +58,8 @@ TakePaths MakeTake(const std::filesystem::path& root) {
     RawFileWriter writer(take.Raw(serial), serial);
     for (int t = 1; t <= 3; ++t) {
       if (c == 1 && t == 2) continue;
-      const RawRecordHeader header{.trigger = t, .width = 64, .height = 64, .status = c == 1 && t == 3 ? 1U : 0U};
+      const RawRecordHeader header{
+          .trigger = t, .width = 64, .height = 64, .status = c == 1 && t == 3 ? 1U : 0U};
       writer.Append(header, Picture(64, 64, 10 * c + t).pixels.data());
     }
     writer.Close();
@@ -102,9 +105,11 @@ TEST(TakeReader, NamesWhatIsMissing) {
   EXPECT_THAT(ErrorOf([&] { TakeReader reader(dir.Path()); }), HasSubstr("take.json is missing"));
   const TakePaths take = MakeTake(dir / "take");
   std::filesystem::remove(take.Raw("SIM0002"));
-  EXPECT_THAT(ErrorOf([&] { TakeReader reader(take.root); }), HasSubstr("camera 'SIM0002' of its rig file has no recording"));
+  EXPECT_THAT(ErrorOf([&] { TakeReader reader(take.root); }),
+              HasSubstr("camera 'SIM0002' of its rig file has no recording"));
   std::filesystem::copy(take.Raw("SIM0001"), take.Raw("SIM0002"));
-  EXPECT_THAT(ErrorOf([&] { TakeReader reader(take.root); }), HasSubstr("holds camera 'SIM0001', not 'SIM0002'"));
+  EXPECT_THAT(ErrorOf([&] { TakeReader reader(take.root); }),
+              HasSubstr("holds camera 'SIM0001', not 'SIM0002'"));
 }
 
 TEST(TakeReader, RefusesImagesOfAnotherSizeThanTheRigFileSays) {
@@ -113,7 +118,8 @@ TEST(TakeReader, RefusesImagesOfAnotherSizeThanTheRigFileSays) {
   RigConfig config = ReadRigFile(take.RigFile());
   config.cameras[0].width = 128;
   WriteRigFile(take.RigFile(), config);
-  EXPECT_THAT(ErrorOf([&] { TakeReader reader(take.root); }), HasSubstr("images of 64 x 64 pixels"));
+  EXPECT_THAT(ErrorOf([&] { TakeReader reader(take.root); }),
+              HasSubstr("images of 64 x 64 pixels"));
 }
 
 TEST(ReadTakeInfo, RefusesUnknownVersionsAndStates) {
@@ -126,9 +132,12 @@ TEST(ReadTakeInfo, RefusesUnknownVersionsAndStates) {
     WriteStringAtomically(take.Info(), text);
     return ErrorOf([&] { ReadTakeInfo(take); });
   };
-  EXPECT_THAT(with("\"format_version\": 1", "\"format_version\": 2"), HasSubstr("take.json: format version 2 is unknown"));
-  EXPECT_THAT(with("complete", "finished"), HasSubstr("key 'state' holds the unknown word 'finished'"));
-  EXPECT_THAT(with("\"subject\": \"P01\"", "\"subject\": 1"), HasSubstr("key 'subject' must be text"));
+  EXPECT_THAT(with("\"format_version\": 1", "\"format_version\": 2"),
+              HasSubstr("take.json: format version 2 is unknown"));
+  EXPECT_THAT(with("complete", "finished"),
+              HasSubstr("key 'state' holds the unknown word 'finished'"));
+  EXPECT_THAT(with("\"subject\": \"P01\"", "\"subject\": 1"),
+              HasSubstr("key 'subject' must be text"));
   EXPECT_THAT(with("{", "["), HasSubstr("take.json: is not valid JSON"));
 }
 
@@ -141,8 +150,10 @@ TEST(ReadTriggers, RoundTripsExactlyAndNamesTheLineOfAnError) {
     WriteStringAtomically(take.Triggers(), text);
     return ErrorOf([&] { ReadTriggers(take); });
   };
-  EXPECT_THAT(with(head + "1,speckle,0,0,0,0\n2,speckle,0,x,0,0\n"), HasSubstr("triggers.csv:3: column 'actual_s': 'x' is not a number"));
-  EXPECT_THAT(with(head + "1,dots,0,0,0,0\n"), HasSubstr("triggers.csv:2: column 'kind': unknown exposure kind 'dots'"));
+  EXPECT_THAT(with(head + "1,speckle,0,0,0,0\n2,speckle,0,x,0,0\n"),
+              HasSubstr("triggers.csv:3: column 'actual_s': 'x' is not a number"));
+  EXPECT_THAT(with(head + "1,dots,0,0,0,0\n"),
+              HasSubstr("triggers.csv:2: column 'kind': unknown exposure kind 'dots'"));
   EXPECT_THAT(with(head + "2,speckle,0,0,0,0\n1,speckle,0,0,0,0\n"), HasSubstr("triggers.csv:3"));
   EXPECT_THAT(with(head + "1,speckle,0\n"), HasSubstr("triggers.csv:2: has 3 fields, expected 6"));
   EXPECT_THAT(with("a,b\n"), HasSubstr("the first line must be 'trigger,kind"));
@@ -150,7 +161,8 @@ TEST(ReadTriggers, RoundTripsExactlyAndNamesTheLineOfAnError) {
 
 TEST(Measurements, RoundTripNamesThatNeedQuotes) {
   const TempDir dir;
-  const std::vector<Measurement> written{{3, "length", 0.1 + 0.2, "m", 1e-5, 1}, {4, "width, \"ball\"", -2.5, "m", kNan, 2}};
+  const std::vector<Measurement> written{{3, "length", 0.1 + 0.2, "m", 1e-5, 1},
+                                         {4, "width, \"ball\"", -2.5, "m", kNan, 2}};
   WriteMeasurements(dir / "m.csv", written);
   const std::vector<Measurement> read = ReadMeasurements(dir / "m.csv");
   ASSERT_EQ(read.size(), 2U);

@@ -7,8 +7,8 @@
 
 namespace sole::testing_support {
 
-/// Message of the sole::Error that `action` throws; a sentence that no test expects if it throws none or
-/// another exception.
+/// Message of the sole::Error that `action` throws; a sentence that no test expects if it throws
+/// none or another exception.
 template <typename Action>
 std::string ErrorOf(const Action& action) {
   try {
