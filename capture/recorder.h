@@ -27,7 +27,7 @@ struct RecordOptions {
   std::string software;             ///< Sole's version
   std::int64_t triggers = 100;
   std::vector<ExposureKind> cycle = {ExposureKind::kSpeckle};  ///< kinds of successive triggers, repeated
-  int warmup_attempts = 5;
+  int warmup_attempts = 4;
   int queue_frames = 32;            ///< per camera, between network and disk
   double usable_loss = 0.02;        ///< largest share of a camera's triggers that may lack a whole frame in a usable take
   const std::atomic<bool>* stop = nullptr;  ///< set it (from a signal handler, say) to end the take early

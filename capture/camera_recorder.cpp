@@ -1,0 +1,132 @@
+#include <algorithm>
+#include <utility>
+
+#include "capture/camera_recorder_internal.h"
+#include "capture/host_clock.h"
+#include "core/error.h"
+
+namespace sole::capture {
+
+CameraRecorder::CameraRecorder(Camera& camera, const CameraSync& sync, const TriggerLog& log, Options options)
+    : camera_(camera),
+      log_(log),
+      options_(std::move(options)),
+      matcher_(sync, options_.period_ns),
+      file_(options_.path, camera.Config().serial) {
+  counts_.serial = camera.Config().serial;
+  last_arrival_ns_ = HostNowNs();
+  writer_ = std::thread([this] { Write(); });
+  camera_.SetHandler([this](const CameraFrame& frame) { OnFrame(frame); });
+}
+
+CameraRecorder::~CameraRecorder() { Join(); }
+
+void CameraRecorder::Join() {
+  if (!writer_.joinable()) return;
+  camera_.SetHandler({});
+  {
+    const std::lock_guard lock(mutex_);
+    finishing_ = true;
+  }
+  changed_.notify_all();
+  writer_.join();
+}
+
+void CameraRecorder::Finish() {
+  Join();
+  file_.Close();
+}
+
+void CameraRecorder::OnFrame(const CameraFrame& frame) {
+  last_arrival_ns_ = frame.host_time_ns;
+  const FrameMatch match = matcher_.Match(frame.frame_id, frame.device_time_ns, frame.complete, log_);
+  const bool fits = frame.width == camera_.Config().width && frame.height == camera_.Config().height &&
+                    frame.pixels.size() == static_cast<std::size_t>(frame.width) * static_cast<std::size_t>(frame.height);
+  if (match.outcome == MatchOutcome::kRepeated || match.outcome == MatchOutcome::kUnknown || !fits) {
+    ++counts_.strays;
+    return;
+  }
+  if (match.outcome == MatchOutcome::kRealigned) ++counts_.realigned;
+  const double latency_s = static_cast<double>(frame.host_time_ns - match.edge.actual_ns) * 1e-9;
+  latency_sum_s_ += latency_s;
+  counts_.latency_max_s = std::max(counts_.latency_max_s, latency_s);
+  ++arrived_;
+  Enqueue(frame, match);
+}
+
+void CameraRecorder::Enqueue(const CameraFrame& frame, const FrameMatch& match) {
+  Queued queued;
+  {
+    const std::lock_guard lock(mutex_);
+    if (static_cast<int>(queue_.size()) >= options_.queue_frames) {
+      ++counts_.dropped;
+      return;
+    }
+    if (!spare_.empty()) {
+      queued.pixels = std::move(spare_.back());
+      spare_.pop_back();
+    }
+  }
+  queued.header = {.trigger = match.edge.sequence,
+                   .frame_id = static_cast<std::uint64_t>(frame.frame_id),
+                   .device_time_ns = frame.device_time_ns,
+                   .host_time_ns = frame.host_time_ns,
+                   .width = static_cast<std::uint32_t>(frame.width),
+                   .height = static_cast<std::uint32_t>(frame.height),
+                   .status = frame.complete ? 0U : 1U};
+  queued.pixels.assign(frame.pixels.begin(), frame.pixels.end());
+  {
+    const std::lock_guard lock(mutex_);
+    queue_.push_back(std::move(queued));
+  }
+  changed_.notify_one();
+}
+
+void CameraRecorder::Write() {
+  bool failed = false;
+  for (;;) {
+    Queued next;
+    {
+      std::unique_lock lock(mutex_);
+      changed_.wait(lock, [&] { return finishing_ || !queue_.empty(); });
+      if (queue_.empty()) return;
+      next = std::move(queue_.front());
+      queue_.pop_front();
+    }
+    if (!failed) {
+      try {
+        file_.Append(next.header, next.pixels.data());
+        stored_triggers_[next.header.trigger] = next.header.status == 0;
+        ++stored_;
+      } catch (const std::exception& error) {
+        failed = true;  // what still comes is counted as lost
+        if (options_.on_failure) options_.on_failure(error.what());
+      }
+    }
+    const std::lock_guard lock(mutex_);
+    spare_.push_back(std::move(next.pixels));
+  }
+}
+
+CameraRecord CameraRecorder::Result(std::int64_t fired) const {
+  CameraRecord record = counts_;
+  record.expected = fired;
+  for (std::int64_t trigger = 1; trigger <= fired; ++trigger) {
+    const auto stored = stored_triggers_.find(trigger);
+    if (stored == stored_triggers_.end()) {
+      record.lost_triggers.push_back(trigger);
+    } else {
+      ++(stored->second ? record.good : record.incomplete);
+    }
+  }
+  record.lost = static_cast<std::int64_t>(record.lost_triggers.size());
+  const auto arrived = arrived_.load();
+  record.latency_mean_s = arrived > 0 ? latency_sum_s_ / static_cast<double>(arrived) : 0;
+  const CameraStatistics statistics = camera_.Statistics();
+  record.resent_packets = statistics.resent_packets;
+  record.missing_packets = statistics.missing_packets;
+  record.underruns = statistics.underruns;
+  return record;
+}
+
+}  // namespace sole::capture
