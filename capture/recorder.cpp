@@ -38,6 +38,13 @@ class Session {
         options_(options),
         folder_(options.directory, BytesNeeded(config, options.triggers)),
         period_ns_(PeriodNs(config.trigger)) {}
+  ~Session() {
+    recorders_.clear();
+    trigger_.reset();
+    CloseCameras(cameras_);
+  }
+  Session(const Session&) = delete;
+  Session& operator=(const Session&) = delete;
 
   RecordResult Run() {
     OpenCameras();
@@ -189,7 +196,6 @@ class Session {
 
   RecordResult Close() {
     for (const auto& recorder : recorders_) Guarded([&] { recorder->Finish(); });
-    for (const auto& camera : cameras_) Guarded([&] { camera->Stop(); }, /*fatal=*/false);
     Guarded([&] { WriteTriggersFile(); });
     RecordResult result;
     result.triggers = log_.Size();
@@ -209,16 +215,13 @@ class Session {
     return result;
   }
 
+  /// Lets closing go on with the next step when one fails.
   template <typename F>
-  void Guarded(F&& step, bool fatal = true) {
+  void Guarded(F&& step) {
     try {
       step();
     } catch (const std::exception& error) {
-      if (fatal) {
-        Fail(error.what());
-      } else {
-        Log(error.what());  // the frames are safe; a camera that vanished shows in its counts
-      }
+      Fail(error.what());
     }
   }
 
@@ -233,7 +236,7 @@ class Session {
   std::vector<std::string> failures_;
   CameraList cameras_;
   std::unique_ptr<Trigger> trigger_;
-  std::vector<std::unique_ptr<CameraRecorder>> recorders_;  // before the cameras go
+  std::vector<std::unique_ptr<CameraRecorder>> recorders_;
   std::vector<bool> silent_;
   std::int64_t next_progress_ns_ = 0;
   std::int64_t next_triggers_ns_ = 0;
@@ -243,6 +246,7 @@ class Session {
 
 RecordResult Record(const RigConfig& config, const RecordOptions& options) {
   Validate(config);
+  io::ParseRig(io::FormatRig(config), "rig '" + config.name + "'");  // the take's own rig file must be readable
   Require(options.triggers > 0 && options.triggers <= 100'000'000,
           "triggers " + std::to_string(options.triggers) + ": record 1 to 100000000");
   Require(!options.directory.empty(), "a take needs a directory");

@@ -32,6 +32,7 @@ class Check {
       Open(i);
     }
     if (!cameras_.empty()) CheckTriggers();
+    CloseCameras(cameras_);
     return result_;
   }
 

@@ -5,6 +5,7 @@
 #include <condition_variable>
 #include <functional>
 #include <mutex>
+#include <thread>
 
 #include "capture/host_clock.h"
 
@@ -76,6 +77,13 @@ class Inboxes {
 };
 
 }  // namespace
+
+void CloseCameras(CameraList& cameras) {
+  std::vector<std::thread> threads;
+  for (auto& camera : cameras) threads.emplace_back([&camera] { camera.reset(); });
+  for (std::thread& thread : threads) thread.join();
+  cameras.clear();
+}
 
 std::vector<WarmUpAnswer> WarmUp(const CameraList& cameras, Trigger& trigger, const WarmUpOptions& options) {
   std::vector<WarmUpAnswer> answers(cameras.size());

@@ -13,6 +13,9 @@ namespace sole::capture {
 
 using CameraList = std::vector<std::unique_ptr<Camera>>;
 
+/// Stops and closes all cameras side by side: one that went away takes seconds to give up.
+void CloseCameras(CameraList& cameras);
+
 struct WarmUpOptions {
   int triggers = 3;  ///< per attempt, before the synchronising one
   int attempts = 5;
