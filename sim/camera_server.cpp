@@ -29,14 +29,15 @@ std::uint32_t ParseLoopback(const ServedCamera& camera) {
   const bool parsed = inet_pton(AF_INET, camera.address.c_str(), &address) == 1;
   const std::uint32_t value = ntohl(address.s_addr);
   Require(parsed && value >> 24 == 127 && value != 0x7FFFFFFF && value != 0x7F000000,
-          fmt::format("camera {}: '{}' is not a loopback address; give it one such as 127.0.0.11", camera.serial,
-                      camera.address));
+          fmt::format("camera {}: '{}' is not a loopback address; give it one such as 127.0.0.11",
+                      camera.serial, camera.address));
   return value;
 }
 
 void ValidateFaults(const CameraFaults& faults) {
   Require(faults.packet_drop_probability >= 0 && faults.packet_drop_probability < 1,
-          fmt::format("packet_drop_probability is {}; it must be in [0, 1)", faults.packet_drop_probability));
+          fmt::format("packet_drop_probability is {}; it must be in [0, 1)",
+                      faults.packet_drop_probability));
 }
 
 void ValidateAll(const std::vector<ServedCamera>& cameras, const CameraServerOptions& options) {
@@ -47,15 +48,21 @@ void ValidateAll(const std::vector<ServedCamera>& cameras, const CameraServerOpt
   std::set<std::string> serials, addresses;
   for (const ServedCamera& camera : cameras) {
     const auto printable = [](char c) { return c > ' ' && c < 127; };
-    Require(!camera.serial.empty() && camera.serial.size() <= 15 &&
-                std::all_of(camera.serial.begin(), camera.serial.end(), printable),
-            fmt::format("camera serial '{}' must have 1 to 15 printable characters", camera.serial));
-    Require(camera.width >= 4 && camera.width <= 16384 && camera.height >= 4 && camera.height <= 16384,
-            fmt::format("camera {}: {} x {} pixels; each must be 4 to 16384", camera.serial, camera.width, camera.height));
-    Require(camera.exposure_us >= 10 && camera.exposure_us <= 1e6 && camera.gain_db >= 0 && camera.gain_db <= 48,
-            fmt::format("camera {}: exposure {} us, gain {} dB; they must be 10 to 1000000 and 0 to 48",
-                        camera.serial, camera.exposure_us, camera.gain_db));
-    Require(serials.insert(camera.serial).second, fmt::format("two cameras have the serial {}", camera.serial));
+    Require(
+        !camera.serial.empty() && camera.serial.size() <= 15 &&
+            std::all_of(camera.serial.begin(), camera.serial.end(), printable),
+        fmt::format("camera serial '{}' must have 1 to 15 printable characters", camera.serial));
+    Require(
+        camera.width >= 4 && camera.width <= 16384 && camera.height >= 4 && camera.height <= 16384,
+        fmt::format("camera {}: {} x {} pixels; each must be 4 to 16384", camera.serial,
+                    camera.width, camera.height));
+    Require(
+        camera.exposure_us >= 10 && camera.exposure_us <= 1e6 && camera.gain_db >= 0 &&
+            camera.gain_db <= 48,
+        fmt::format("camera {}: exposure {} us, gain {} dB; they must be 10 to 1000000 and 0 to 48",
+                    camera.serial, camera.exposure_us, camera.gain_db));
+    Require(serials.insert(camera.serial).second,
+            fmt::format("two cameras have the serial {}", camera.serial));
     Require(addresses.insert(camera.address).second,
             fmt::format("two cameras have the address {}", camera.address));
   }
@@ -65,7 +72,8 @@ void ValidateAll(const std::vector<ServedCamera>& cameras, const CameraServerOpt
 /// Owns an epoll, event or timer descriptor.
 struct Descriptor {
   explicit Descriptor(int fd) : value(fd) {
-    Require(value >= 0, fmt::format("the camera server cannot get a file descriptor: {}", std::strerror(errno)));
+    Require(value >= 0, fmt::format("the camera server cannot get a file descriptor: {}",
+                                    std::strerror(errno)));
   }
   ~Descriptor() { close(value); }
   Descriptor(const Descriptor&) = delete;
@@ -75,9 +83,11 @@ struct Descriptor {
 
 }  // namespace
 
-/// Sockets of device i are numbered i; then come the bus, the two broadcast addresses, the timer and the stop event.
+/// Sockets of device i are numbered i; then come the bus, the two broadcast addresses, the timer
+/// and the stop event.
 struct CameraServer::Impl {
-  Impl(std::vector<ServedCamera> served, int bus_port, const FrameProvider& provider, CameraServerOptions options_in);
+  Impl(std::vector<ServedCamera> served, int bus_port, const FrameProvider& provider,
+       CameraServerOptions options_in);
   ~Impl();
 
   void Run();
@@ -104,23 +114,28 @@ struct CameraServer::Impl {
   std::thread thread;
 };
 
-CameraServer::Impl::Impl(std::vector<ServedCamera> served, int bus_port, const FrameProvider& provider,
-                         CameraServerOptions options)
+CameraServer::Impl::Impl(std::vector<ServedCamera> served, int bus_port,
+                         const FrameProvider& provider, CameraServerOptions options)
     : cameras(std::move(served)),
       bus({kLoopback, static_cast<std::uint16_t>(bus_port)}, "the trigger bus") {
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     const std::uint32_t address = ParseLoopback(cameras[i]);
-    control.push_back(std::make_unique<UdpSocket>(Endpoint{address, kGvcpPort}, "camera " + cameras[i].serial));
-    devices.push_back(std::make_unique<CameraDevice>(
-        cameras[i],
-        GvspSenderOptions{.address = address, .camera = static_cast<int>(i), .link_mbit_per_s = options.link_mbit_per_s,
-                          .first_frame_id = options.first_frame_id, .seed = options.seed + 1000 * i},
-        provider));
+    control.push_back(
+        std::make_unique<UdpSocket>(Endpoint{address, kGvcpPort}, "camera " + cameras[i].serial));
+    devices.push_back(
+        std::make_unique<CameraDevice>(cameras[i],
+                                       GvspSenderOptions{.address = address,
+                                                         .camera = static_cast<int>(i),
+                                                         .link_mbit_per_s = options.link_mbit_per_s,
+                                                         .first_frame_id = options.first_frame_id,
+                                                         .seed = options.seed + 1000 * i},
+                                       provider));
     if (i < options.faults.size()) devices[i]->Sender().SetFaults(options.faults[i]);
     Watch(control[i]->Descriptor(), i);
   }
   std::size_t number = cameras.size();
-  for (const int descriptor : {bus.Descriptor(), broadcast[0].Descriptor(), broadcast[1].Descriptor(), timer.value, stop.value}) {
+  for (const int descriptor : {bus.Descriptor(), broadcast[0].Descriptor(),
+                               broadcast[1].Descriptor(), timer.value, stop.value}) {
     Watch(descriptor, number++);
   }
   thread = std::thread([this] { Run(); });
@@ -207,7 +222,8 @@ void CameraServer::Impl::SetTimer() {
   }
   itimerspec setting{};  // Zero disarms. steady_clock is CLOCK_MONOTONIC.
   if (next) {
-    const auto ns = std::chrono::duration_cast<std::chrono::nanoseconds>(next->time_since_epoch()).count();
+    const auto ns =
+        std::chrono::duration_cast<std::chrono::nanoseconds>(next->time_since_epoch()).count();
     setting.it_value.tv_sec = ns / 1000000000;
     setting.it_value.tv_nsec = ns % 1000000000;
   }
@@ -217,7 +233,8 @@ void CameraServer::Impl::SetTimer() {
 CameraServer::CameraServer(std::vector<ServedCamera> cameras, int bus_port, FrameProvider provider,
                            CameraServerOptions options) {
   ValidateAll(cameras, options);
-  Require(bus_port >= 0 && bus_port <= 65535, fmt::format("trigger bus port {} is not 0 to 65535", bus_port));
+  Require(bus_port >= 0 && bus_port <= 65535,
+          fmt::format("trigger bus port {} is not 0 to 65535", bus_port));
   Require(static_cast<bool>(provider), "the camera server has no frame provider");
   impl_ = std::make_unique<Impl>(std::move(cameras), bus_port, provider, std::move(options));
 }

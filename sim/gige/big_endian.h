@@ -6,7 +6,8 @@
 
 namespace sole::sim {
 
-/// Big-endian integers in byte buffers, as GigE Vision sends them. No bounds checks beyond the span's.
+/// Big-endian integers in byte buffers, as GigE Vision sends them. No bounds checks beyond the
+/// span's.
 inline std::uint16_t Load16(std::span<const std::uint8_t> bytes, std::size_t at) {
   return static_cast<std::uint16_t>((bytes[at] << 8) | bytes[at + 1]);
 }

@@ -15,15 +15,19 @@ constexpr std::uint32_t kDoNotFragmentBit = 1U << 30;
 }  // namespace
 
 std::int64_t RealtimeNs() {
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::system_clock::now().time_since_epoch()).count();
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
 }
 
-CameraDevice::CameraDevice(const ServedCamera& camera, const GvspSenderOptions& options, FrameProvider provider)
+CameraDevice::CameraDevice(const ServedCamera& camera, const GvspSenderOptions& options,
+                           FrameProvider provider)
     : memory_(camera), sender_(options, std::move(provider)) {
   memory_.Set32(reg::kStreamSourcePort, sender_.SourcePort());
 }
 
-GevStatus CameraDevice::Read(const Endpoint& from, std::uint32_t address, std::span<std::uint8_t> bytes) {
+GevStatus CameraDevice::Read(const Endpoint& from, std::uint32_t address,
+                             std::span<std::uint8_t> bytes) {
   if (controller_ == from) {
     last_heard_ = Clock::now();
   } else if (controller_ && (memory_.Get32(reg::kControl) & kExclusiveBit) != 0) {
@@ -34,7 +38,8 @@ GevStatus CameraDevice::Read(const Endpoint& from, std::uint32_t address, std::s
   return memory_.Read(address, bytes);
 }
 
-GevStatus CameraDevice::Write(const Endpoint& from, std::uint32_t address, std::span<const std::uint8_t> bytes) {
+GevStatus CameraDevice::Write(const Endpoint& from, std::uint32_t address,
+                              std::span<const std::uint8_t> bytes) {
   if (address == reg::kControl && bytes.size() == 4) return WriteControl(from, Load32(bytes, 0));
   if (controller_ != from) return GevStatus::kAccessDenied;
   last_heard_ = Clock::now();
@@ -75,7 +80,8 @@ GevStatus CameraDevice::CheckRegion(std::uint32_t address, std::uint32_t value) 
 
 void CameraDevice::Apply(std::uint32_t address, std::span<const std::uint8_t> bytes) {
   memory_.SetBytes(address, bytes);
-  for (std::uint32_t at = 0; at + 4 <= bytes.size(); at += 4) ApplyWord(address + at, Load32(bytes, at));
+  for (std::uint32_t at = 0; at + 4 <= bytes.size(); at += 4)
+    ApplyWord(address + at, Load32(bytes, at));
 }
 
 void CameraDevice::ApplyWord(std::uint32_t address, std::uint32_t value) {
@@ -84,14 +90,21 @@ void CameraDevice::ApplyWord(std::uint32_t address, std::uint32_t value) {
     case reg::kHeight:
       memory_.Set32(reg::kPayloadSize, memory_.Get32(reg::kWidth) * memory_.Get32(reg::kHeight));
       break;
-    case reg::kAcquisitionStart: StartAcquisition(); break;
-    case reg::kAcquisitionStop: StopAcquisition(); break;
-    case reg::kTriggerMode: next_free_run_ = Clock::now(); break;
+    case reg::kAcquisitionStart:
+      StartAcquisition();
+      break;
+    case reg::kAcquisitionStop:
+      StopAcquisition();
+      break;
+    case reg::kTriggerMode:
+      next_free_run_ = Clock::now();
+      break;
     case reg::kTriggerSoftware:
-      if (Armed(kSourceSoftware)) ExposeOwn();
+      if (Armed(kSourceSoftware)) ExposeOwn(RealtimeNs());
       break;
     case reg::kTimestampControl:
-      if ((value & 2) != 0) memory_.Set64(reg::kTimestampLatched, static_cast<std::uint64_t>(RealtimeNs()));
+      if ((value & 2) != 0)
+        memory_.Set64(reg::kTimestampLatched, static_cast<std::uint64_t>(RealtimeNs()));
       break;
     case reg::kStreamPort:
       if ((value & 0xFFFF) != 0) {
@@ -106,7 +119,8 @@ void CameraDevice::ApplyWord(std::uint32_t address, std::uint32_t value) {
         sender_.SendTestPacket(Settings());
       }
       break;
-    default: break;
+    default:
+      break;
   }
 }
 
@@ -140,7 +154,8 @@ void CameraDevice::StopAcquisition() {
 }
 
 bool CameraDevice::Armed(TriggerSource source) const {
-  return acquiring_ && memory_.Get32(reg::kTriggerMode) == 1 && memory_.Get32(reg::kTriggerSource) == source;
+  return acquiring_ && memory_.Get32(reg::kTriggerMode) == 1 &&
+         memory_.Get32(reg::kTriggerSource) == source;
 }
 
 void CameraDevice::OnPulse(const TriggerPulse& pulse) {
@@ -152,23 +167,26 @@ GevStatus CameraDevice::OnAction(const ActionCommand& action) {
                     action.group_key == memory_.Get32(reg::kActionGroupKey) &&
                     (action.group_mask & memory_.Get32(reg::kActionGroupMask)) != 0;
   if (!ours) return GevStatus::kInvalidParameter;
-  if (Armed(kSourceAction1)) ExposeOwn();
+  if (Armed(kSourceAction1)) ExposeOwn(RealtimeNs());
   return GevStatus::kSuccess;
 }
 
-void CameraDevice::OnResend(const Endpoint& from, std::uint16_t frame_id, std::uint32_t first, std::uint32_t last) {
-  const bool ours = controller_ && (from.address == memory_.Get32(reg::kStreamAddress) || from == *controller_);
+void CameraDevice::OnResend(const Endpoint& from, std::uint16_t frame_id, std::uint32_t first,
+                            std::uint32_t last) {
+  const bool ours =
+      controller_ && (from.address == memory_.Get32(reg::kStreamAddress) || from == *controller_);
   if (ours) sender_.Resend(frame_id, first, last);
 }
 
-void CameraDevice::ExposeOwn() {
-  Expose({.sequence = ++own_sequence_, .scheduled_ns = RealtimeNs(), .kind = 0});
+void CameraDevice::ExposeOwn(std::int64_t time_ns) {
+  Expose({.sequence = ++own_sequence_, .scheduled_ns = time_ns, .kind = 0});
 }
 
 void CameraDevice::Expose(const TriggerPulse& pulse) {
   if (sender_.Dead()) return;
   sender_.Expose(pulse, Settings());
-  if (memory_.Get32(reg::kAcquisitionMode) != kContinuous && --frames_left_ <= 0) acquiring_ = false;
+  if (memory_.Get32(reg::kAcquisitionMode) != kContinuous && --frames_left_ <= 0)
+    acquiring_ = false;
 }
 
 StreamSettings CameraDevice::Settings() const {
@@ -186,13 +204,16 @@ StreamSettings CameraDevice::Settings() const {
 }
 
 CameraDevice::Clock::duration CameraDevice::FramePeriod() const {
-  return std::chrono::nanoseconds(static_cast<std::int64_t>(1e9 / memory_.GetFloat(reg::kFrameRate)));
+  return std::chrono::nanoseconds(
+      static_cast<std::int64_t>(1e9 / memory_.GetFloat(reg::kFrameRate)));
 }
 
 std::optional<CameraDevice::Clock::time_point> CameraDevice::NextDeadline() const {
   if (!controller_) return {};
-  Clock::time_point deadline = last_heard_ + std::chrono::milliseconds(memory_.Get32(reg::kHeartbeatTimeout));
-  if (acquiring_ && memory_.Get32(reg::kTriggerMode) == 0) deadline = std::min(deadline, next_free_run_);
+  Clock::time_point deadline =
+      last_heard_ + std::chrono::milliseconds(memory_.Get32(reg::kHeartbeatTimeout));
+  if (acquiring_ && memory_.Get32(reg::kTriggerMode) == 0)
+    deadline = std::min(deadline, next_free_run_);
   return deadline;
 }
 
@@ -203,8 +224,13 @@ void CameraDevice::OnTimer(Clock::time_point now) {
     return;
   }
   if (acquiring_ && memory_.Get32(reg::kTriggerMode) == 0 && now >= next_free_run_) {
-    next_free_run_ = std::max(next_free_run_ + FramePeriod(), now);
-    if (sender_.Idle()) ExposeOwn();  // A camera runs no faster than its link.
+    // The timestamp is the ideal instant, however late this thread woke up.
+    const std::int64_t late_ns =
+        std::chrono::duration_cast<std::chrono::nanoseconds>(now - next_free_run_).count();
+    next_free_run_ += FramePeriod();
+    if (next_free_run_ <= now) next_free_run_ = now + FramePeriod();
+    // A camera runs no faster than its link.
+    if (sender_.Idle()) ExposeOwn(RealtimeNs() - late_ns);
   }
 }
 

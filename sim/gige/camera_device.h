@@ -19,13 +19,14 @@ struct ActionCommand {
   std::uint32_t group_mask = 0;
 };
 
-/// What a camera does with register accesses, triggers and time: control privilege and heartbeat, acquisition, triggers. Used
-/// by the control thread only.
+/// What a camera does with register accesses, triggers and time: control privilege and heartbeat,
+/// acquisition, triggers. Used by the control thread only.
 class CameraDevice {
  public:
   using Clock = std::chrono::steady_clock;
 
-  CameraDevice(const ServedCamera& camera, const GvspSenderOptions& options, FrameProvider provider);
+  CameraDevice(const ServedCamera& camera, const GvspSenderOptions& options,
+               FrameProvider provider);
 
   GevStatus Read(const Endpoint& from, std::uint32_t address, std::span<std::uint8_t> bytes);
   GevStatus Write(const Endpoint& from, std::uint32_t address, std::span<const std::uint8_t> bytes);
@@ -34,7 +35,8 @@ class CameraDevice {
   void OnPulse(const TriggerPulse& pulse);
   GevStatus OnAction(const ActionCommand& action);
   /// `from` must be where the stream goes.
-  void OnResend(const Endpoint& from, std::uint16_t frame_id, std::uint32_t first, std::uint32_t last);
+  void OnResend(const Endpoint& from, std::uint16_t frame_id, std::uint32_t first,
+                std::uint32_t last);
 
   /// When OnTimer has something to do next.
   std::optional<Clock::time_point> NextDeadline() const;
@@ -56,7 +58,7 @@ class CameraDevice {
   void StopAcquisition();
   bool Armed(TriggerSource source) const;
   void Expose(const TriggerPulse& pulse);
-  void ExposeOwn();
+  void ExposeOwn(std::int64_t time_ns);
   StreamSettings Settings() const;
   Clock::duration FramePeriod() const;
 

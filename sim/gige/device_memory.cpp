@@ -15,8 +15,10 @@ namespace {
 
 constexpr std::uint32_t kPad = 4;  // The XML is read in words.
 
-// Concatenated commands, WRITEMEM, PACKETRESEND, ACTION, serial number and user-defined name registers.
-constexpr std::uint32_t kCapabilityBits = 1U << 0 | 1U << 1 | 1U << 2 | 1U << 6 | 1U << 30 | 1U << 31;
+// Concatenated commands, WRITEMEM, PACKETRESEND, ACTION, serial number and user-defined name
+// registers.
+constexpr std::uint32_t kCapabilityBits =
+    1U << 0 | 1U << 1 | 1U << 2 | 1U << 6 | 1U << 30 | 1U << 31;
 
 }  // namespace
 
@@ -29,7 +31,7 @@ DeviceMemory::DeviceMemory(const ServedCamera& camera)
 
   Set32(reg::kVersion, 0x00010002);
   Set32(reg::kDeviceMode, 0x80000001);  // Big endian, UTF-8.
-  Set32(reg::kMacHigh, 0x0253);         // Locally administered; the rest is the address, hence unique.
+  Set32(reg::kMacHigh, 0x0253);  // Locally administered; the rest is the address, hence unique.
   Set32(reg::kMacLow, address);
   Set32(reg::kIpCapabilities, 1);
   Set32(reg::kIpConfiguration, 1);
@@ -40,7 +42,8 @@ DeviceMemory::DeviceMemory(const ServedCamera& camera)
   SetText(reg::kDeviceVersion, 32, "1.0");
   SetText(reg::kManufacturerInfo, 48, "simulated GigE Vision camera");
   SetText(reg::kSerialNumber, 16, camera.serial);
-  SetText(reg::kXmlUrl, 512, fmt::format("Local:sole_simulated_camera.xml;{:X};{:X}", reg::kXml, xml.size()));
+  SetText(reg::kXmlUrl, 512,
+          fmt::format("Local:sole_simulated_camera.xml;{:X};{:X}", reg::kXml, xml.size()));
   Set32(reg::kInterfaceCount, 1);
   Set32(reg::kStreamChannelCount, 1);
   Set32(reg::kCapabilities, kCapabilityBits);
@@ -106,14 +109,16 @@ GevStatus DeviceMemory::CheckFeature(const Feature& feature, std::uint32_t addre
     return valid ? GevStatus::kSuccess : GevStatus::kInvalidParameter;
   }
   const auto bits = [&](std::uint32_t word) {
-    return static_cast<std::uint32_t>((word >> feature.lsb) & ((std::uint64_t{1} << (feature.msb - feature.lsb + 1)) - 1));
+    return static_cast<std::uint32_t>((word >> feature.lsb) &
+                                      ((std::uint64_t{1} << (feature.msb - feature.lsb + 1)) - 1));
   };
   const std::uint32_t value = bits(Load32(bytes, at));
   const bool changes = value != bits(Get32(feature.address));
   if (changes && acquiring && feature.locked_while_acquiring) return GevStatus::kWriteProtect;
   bool valid = true;
   if (feature.kind == FeatureKind::kInteger) {
-    valid = value >= feature.min && value <= feature.max && value % static_cast<std::uint32_t>(feature.increment) == 0;
+    valid = value >= feature.min && value <= feature.max &&
+            value % static_cast<std::uint32_t>(feature.increment) == 0;
   } else if (feature.kind == FeatureKind::kEnumeration) {
     valid = std::any_of(feature.entries.begin(), feature.entries.end(),
                         [&](const EnumEntry& entry) { return entry.value == value; });
@@ -121,9 +126,15 @@ GevStatus DeviceMemory::CheckFeature(const Feature& feature, std::uint32_t addre
   return valid ? GevStatus::kSuccess : GevStatus::kInvalidParameter;
 }
 
-std::uint32_t DeviceMemory::Get32(std::uint32_t address) const { return Load32(registers_, address); }
-void DeviceMemory::Set32(std::uint32_t address, std::uint32_t value) { Store32(registers_, address, value); }
-void DeviceMemory::Set64(std::uint32_t address, std::uint64_t value) { Store64(registers_, address, value); }
+std::uint32_t DeviceMemory::Get32(std::uint32_t address) const {
+  return Load32(registers_, address);
+}
+void DeviceMemory::Set32(std::uint32_t address, std::uint32_t value) {
+  Store32(registers_, address, value);
+}
+void DeviceMemory::Set64(std::uint32_t address, std::uint64_t value) {
+  Store64(registers_, address, value);
+}
 double DeviceMemory::GetFloat(std::uint32_t address) const {
   return std::bit_cast<double>(Load64(registers_, address));
 }

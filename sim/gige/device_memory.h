@@ -22,15 +22,16 @@ enum class GevStatus : std::uint16_t {
   kPacketUnavailable = 0x800C,
 };
 
-/// The address space of one device: registers from 0 to reg::kMemoryEnd and the GenICam XML at reg::kXml. Checks what an
-/// application writes against the feature table; has no side effects.
+/// The address space of one device: registers from 0 to reg::kMemoryEnd and the GenICam XML at
+/// reg::kXml. Checks what an application writes against the feature table; has no side effects.
 class DeviceMemory {
  public:
   explicit DeviceMemory(const ServedCamera& camera);
 
   GevStatus Read(std::uint32_t address, std::span<std::uint8_t> bytes) const;
   /// Whether an application may write `bytes` at `address`.
-  GevStatus CheckWrite(std::uint32_t address, std::span<const std::uint8_t> bytes, bool acquiring) const;
+  GevStatus CheckWrite(std::uint32_t address, std::span<const std::uint8_t> bytes,
+                       bool acquiring) const;
 
   std::uint32_t Get32(std::uint32_t address) const;
   void Set32(std::uint32_t address, std::uint32_t value);

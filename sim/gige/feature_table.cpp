@@ -9,37 +9,66 @@ using enum FeatureKind;
 using enum FeatureAccess;
 
 Feature Text(std::string name, std::uint32_t address, std::uint32_t length, FeatureAccess access) {
-  return {.name = std::move(name), .category = "DeviceControl", .kind = kString, .access = access,
-          .address = address, .length = length};
+  return {.name = std::move(name),
+          .category = "DeviceControl",
+          .kind = kString,
+          .access = access,
+          .address = address,
+          .length = length};
 }
 
-Feature Fixed(std::string name, std::string category, std::uint32_t address, std::uint32_t length = 4) {
-  return {.name = std::move(name), .category = std::move(category), .address = address, .length = length};
+Feature Fixed(std::string name, std::string category, std::uint32_t address,
+              std::uint32_t length = 4) {
+  return {.name = std::move(name),
+          .category = std::move(category),
+          .address = address,
+          .length = length};
 }
 
-Feature Number(std::string name, std::string category, std::uint32_t address, double min, double max,
-               bool locked = false) {
-  return {.name = std::move(name), .category = std::move(category), .access = kReadWrite,
-          .address = address, .min = min, .max = max, .locked_while_acquiring = locked};
+Feature Number(std::string name, std::string category, std::uint32_t address, double min,
+               double max, bool locked = false) {
+  return {.name = std::move(name),
+          .category = std::move(category),
+          .access = kReadWrite,
+          .address = address,
+          .min = min,
+          .max = max,
+          .locked_while_acquiring = locked};
 }
 
 Feature Real(std::string name, std::string category, std::uint32_t address, double min, double max,
              std::string unit) {
-  return {.name = std::move(name), .category = std::move(category), .kind = kFloat, .access = kReadWrite,
-          .address = address, .length = 8, .min = min, .max = max, .unit = std::move(unit)};
+  return {.name = std::move(name),
+          .category = std::move(category),
+          .kind = kFloat,
+          .access = kReadWrite,
+          .address = address,
+          .length = 8,
+          .min = min,
+          .max = max,
+          .unit = std::move(unit)};
 }
 
 Feature Choice(std::string name, std::string category, std::uint32_t address,
                std::vector<EnumEntry> entries, FeatureAccess access = kReadWrite,
                std::vector<std::string> selects = {}) {
-  return {.name = std::move(name), .category = std::move(category), .kind = kEnumeration,
-          .access = access, .address = address, .entries = std::move(entries),
+  return {.name = std::move(name),
+          .category = std::move(category),
+          .kind = kEnumeration,
+          .access = access,
+          .address = address,
+          .entries = std::move(entries),
           .selects = std::move(selects)};
 }
 
-Feature Command(std::string name, std::string category, std::uint32_t address, std::uint32_t value = 1) {
-  return {.name = std::move(name), .category = std::move(category), .kind = kCommand,
-          .access = kWriteOnly, .address = address, .command = value};
+Feature Command(std::string name, std::string category, std::uint32_t address,
+                std::uint32_t value = 1) {
+  return {.name = std::move(name),
+          .category = std::move(category),
+          .kind = kCommand,
+          .access = kWriteOnly,
+          .address = address,
+          .command = value};
 }
 
 Feature Bits(Feature feature, int lsb, int msb) {
@@ -63,17 +92,20 @@ void AddImageFormat(const ServedCamera& camera, std::vector<Feature>* all) {
 
 void AddAcquisition(std::vector<Feature>* all) {
   const std::string category = "AcquisitionControl";
-  all->push_back(Choice("AcquisitionMode", category, reg::kAcquisitionMode,
-                        {{"Continuous", kContinuous}, {"SingleFrame", kSingleFrame}, {"MultiFrame", kMultiFrame}}));
+  all->push_back(Choice(
+      "AcquisitionMode", category, reg::kAcquisitionMode,
+      {{"Continuous", kContinuous}, {"SingleFrame", kSingleFrame}, {"MultiFrame", kMultiFrame}}));
   all->push_back(Command("AcquisitionStart", category, reg::kAcquisitionStart));
   all->push_back(Command("AcquisitionStop", category, reg::kAcquisitionStop));
   all->push_back(Number("AcquisitionFrameCount", category, reg::kFrameCount, 1, 65535));
   all->push_back(Real("AcquisitionFrameRate", category, reg::kFrameRate, 0.1, 1000, "Hz"));
-  all->push_back(Choice("TriggerSelector", category, reg::kTriggerSelector, {{"FrameStart", 0}}, kReadWrite,
+  all->push_back(Choice("TriggerSelector", category, reg::kTriggerSelector, {{"FrameStart", 0}},
+                        kReadWrite,
                         {"TriggerMode", "TriggerSource", "TriggerActivation", "TriggerSoftware"}));
   all->push_back(Choice("TriggerMode", category, reg::kTriggerMode, {{"Off", 0}, {"On", 1}}));
-  all->push_back(Choice("TriggerSource", category, reg::kTriggerSource,
-                        {{"Software", kSourceSoftware}, {"Line1", kSourceLine1}, {"Action1", kSourceAction1}}));
+  all->push_back(Choice(
+      "TriggerSource", category, reg::kTriggerSource,
+      {{"Software", kSourceSoftware}, {"Line1", kSourceLine1}, {"Action1", kSourceAction1}}));
   all->push_back(Choice("TriggerActivation", category, reg::kTriggerActivation,
                         {{"RisingEdge", 0}, {"FallingEdge", 1}}));
   all->push_back(Command("TriggerSoftware", category, reg::kTriggerSoftware));
@@ -81,21 +113,26 @@ void AddAcquisition(std::vector<Feature>* all) {
   all->push_back(Real("ExposureTime", category, reg::kExposureTime, 10, 1e6, "us"));
   all->push_back(Real("Gain", "AnalogControl", reg::kGain, 0, 48, "dB"));
   all->push_back(Choice("LineSelector", "DigitalIOControl", reg::kLineSelector,
-                        {{"Line1", kLine1}, {"Line2", kLine2}}, kReadWrite, {"LineMode", "LineStatus"}));
-  all->push_back(Choice("LineMode", "DigitalIOControl", reg::kLineMode, {{"Input", 0}, {"Output", 1}}, kReadOnly));
+                        {{"Line1", kLine1}, {"Line2", kLine2}}, kReadWrite,
+                        {"LineMode", "LineStatus"}));
+  all->push_back(Choice("LineMode", "DigitalIOControl", reg::kLineMode,
+                        {{"Input", 0}, {"Output", 1}}, kReadOnly));
   all->push_back(Fixed("LineStatus", "DigitalIOControl", reg::kLineStatus));
   all->back().kind = kBoolean;
   all->push_back(Number("ActionDeviceKey", "ActionControl", reg::kActionKey, 0, 4294967295.0));
   all->push_back(Number("ActionSelector", "ActionControl", reg::kActionSelector, 1, 1));
   all->back().selects = {"ActionGroupKey", "ActionGroupMask"};
   all->push_back(Number("ActionGroupKey", "ActionControl", reg::kActionGroupKey, 0, 4294967295.0));
-  all->push_back(Number("ActionGroupMask", "ActionControl", reg::kActionGroupMask, 0, 4294967295.0));
+  all->push_back(
+      Number("ActionGroupMask", "ActionControl", reg::kActionGroupMask, 0, 4294967295.0));
 }
 
 void AddTransport(std::vector<Feature>* all) {
   const std::string category = "TransportLayerControl";
   all->push_back(Choice("GevCCP", category, reg::kControl,
-                        {{"OpenAccess", 0}, {"ExclusiveAccess", 1}, {"ControlAccess", 2},
+                        {{"OpenAccess", 0},
+                         {"ExclusiveAccess", 1},
+                         {"ControlAccess", 2},
                          {"ControlExclusiveAccess", 3}}));
   all->push_back(Number("GevHeartbeatTimeout", category, reg::kHeartbeatTimeout, 100, 60000));
   all->back().unit = "ms";
@@ -109,7 +146,8 @@ void AddTransport(std::vector<Feature>* all) {
   all->back().access = kReadWrite;
   all->push_back(Bits(Number("GevSCPSDoNotFragment", category, reg::kPacketSize, 0, 1), 30, 30));
   all->back().kind = kBoolean;
-  all->push_back(Bits(Number("GevSCPSPacketSize", category, reg::kPacketSize, 576, 65500, true), 0, 15));
+  all->push_back(
+      Bits(Number("GevSCPSPacketSize", category, reg::kPacketSize, 576, 65500, true), 0, 15));
   all->back().increment = 4;
   all->push_back(Number("GevSCPD", category, reg::kPacketDelay, 0, 10000000));
   all->back().unit = "ns";

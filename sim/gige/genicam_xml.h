@@ -7,7 +7,8 @@
 
 namespace sole::sim {
 
-/// The GenICam description of a device with these features, as the device serves it from its memory.
+/// The GenICam description of a device with these features, as the device serves it from its
+/// memory.
 std::string GenicamXml(std::span<const Feature> features);
 
 }  // namespace sole::sim

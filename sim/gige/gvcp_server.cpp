@@ -13,8 +13,13 @@ constexpr std::uint8_t kCommandKey = 0x42;
 constexpr std::uint8_t kAckFlag = 0x01, kScheduledActionFlag = 0x80;
 
 enum Command : std::uint16_t {
-  kDiscovery = 0x0002, kPacketResend = 0x0040, kReadRegister = 0x0080, kWriteRegister = 0x0082,
-  kReadMemory = 0x0084, kWriteMemory = 0x0086, kAction = 0x0100,
+  kDiscovery = 0x0002,
+  kPacketResend = 0x0040,
+  kReadRegister = 0x0080,
+  kWriteRegister = 0x0082,
+  kReadMemory = 0x0084,
+  kWriteMemory = 0x0086,
+  kAction = 0x0100,
 };
 
 struct Answer {
@@ -22,7 +27,8 @@ struct Answer {
   std::vector<std::uint8_t> data;
 };
 
-Answer ReadRegisters(std::span<const std::uint8_t> data, const Endpoint& from, CameraDevice* device) {
+Answer ReadRegisters(std::span<const std::uint8_t> data, const Endpoint& from,
+                     CameraDevice* device) {
   if (data.empty() || data.size() % 4 != 0) return {GevStatus::kInvalidParameter, {}};
   Answer answer{.data = std::vector<std::uint8_t>(data.size())};
   for (std::size_t at = 0; at < data.size(); at += 4) {
@@ -32,7 +38,8 @@ Answer ReadRegisters(std::span<const std::uint8_t> data, const Endpoint& from, C
   return answer;
 }
 
-Answer WriteRegisters(std::span<const std::uint8_t> data, const Endpoint& from, CameraDevice* device) {
+Answer WriteRegisters(std::span<const std::uint8_t> data, const Endpoint& from,
+                      CameraDevice* device) {
   if (data.empty() || data.size() % 8 != 0) return {GevStatus::kInvalidParameter, {}};
   Answer answer{.data = std::vector<std::uint8_t>(4)};
   std::uint16_t written = 0;
@@ -58,7 +65,8 @@ Answer WriteMemory(std::span<const std::uint8_t> data, const Endpoint& from, Cam
   if (data.size() < 8) return {GevStatus::kInvalidParameter, {}};
   Answer answer{.data = std::vector<std::uint8_t>(4)};
   answer.status = device->Write(from, Load32(data, 0), data.subspan(4));
-  if (answer.status == GevStatus::kSuccess) Store16(answer.data, 2, static_cast<std::uint16_t>(data.size() - 4));
+  if (answer.status == GevStatus::kSuccess)
+    Store16(answer.data, 2, static_cast<std::uint16_t>(data.size() - 4));
   return answer;
 }
 
@@ -81,8 +89,8 @@ void Resend(std::span<const std::uint8_t> data, const Endpoint& from, CameraDevi
 
 }  // namespace
 
-std::vector<std::uint8_t> AnswerGvcp(std::span<const std::uint8_t> packet, const Endpoint& from, bool broadcast,
-                                     CameraDevice* device) {
+std::vector<std::uint8_t> AnswerGvcp(std::span<const std::uint8_t> packet, const Endpoint& from,
+                                     bool broadcast, CameraDevice* device) {
   if (packet.size() < kHeaderSize || packet[0] != kCommandKey) return {};
   const std::size_t length = Load16(packet, 4);
   const std::uint16_t command = Load16(packet, 2), id = Load16(packet, 6);
@@ -93,18 +101,32 @@ std::vector<std::uint8_t> AnswerGvcp(std::span<const std::uint8_t> packet, const
 
   Answer answer;
   switch (command) {
-    case kDiscovery: answer = Discover(*device); break;
-    case kPacketResend: Resend(data, from, device); return {};
-    case kReadRegister: answer = ReadRegisters(data, from, device); break;
-    case kWriteRegister: answer = WriteRegisters(data, from, device); break;
-    case kReadMemory: answer = ReadMemory(data, from, device); break;
-    case kWriteMemory: answer = WriteMemory(data, from, device); break;
+    case kDiscovery:
+      answer = Discover(*device);
+      break;
+    case kPacketResend:
+      Resend(data, from, device);
+      return {};
+    case kReadRegister:
+      answer = ReadRegisters(data, from, device);
+      break;
+    case kWriteRegister:
+      answer = WriteRegisters(data, from, device);
+      break;
+    case kReadMemory:
+      answer = ReadMemory(data, from, device);
+      break;
+    case kWriteMemory:
+      answer = WriteMemory(data, from, device);
+      break;
     case kAction:
       answer = Act(data, flags, device);
       // Other groups' actions are none of this device's business.
       if (answer.status == GevStatus::kInvalidParameter) return {};
       break;
-    default: answer.status = GevStatus::kNotImplemented; break;
+    default:
+      answer.status = GevStatus::kNotImplemented;
+      break;
   }
   if ((flags & kAckFlag) == 0) return {};
   std::vector<std::uint8_t> ack(kHeaderSize);

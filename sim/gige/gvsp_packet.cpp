@@ -13,7 +13,8 @@ namespace {
 enum Format : std::uint32_t { kLeader = 1, kTrailer = 2, kPayload = 3 };
 constexpr std::uint16_t kImagePayload = 1;
 
-GvspPacket Header(GevStatus status, std::uint16_t frame_id, Format format, std::uint32_t packet_id) {
+GvspPacket Header(GevStatus status, std::uint16_t frame_id, Format format,
+                  std::uint32_t packet_id) {
   GvspPacket packet;
   Store16(packet.header, 0, static_cast<std::uint16_t>(status));
   Store16(packet.header, 2, frame_id);
@@ -30,10 +31,12 @@ std::size_t BlockSize(const SentFrame& frame) {
 
 void SetPixels(const ImageU8& image, SentFrame* frame) {
   const StreamSettings& s = frame->settings;
-  const auto width = static_cast<std::uint32_t>(image.width), height = static_cast<std::uint32_t>(image.height);
+  const auto width = static_cast<std::uint32_t>(image.width),
+             height = static_cast<std::uint32_t>(image.height);
   if (s.offset_x + s.width > width || s.offset_y + s.height > height) {
-    throw Error(fmt::format("the provided image of {} x {} pixels does not cover the region {} x {} at ({}, {})",
-                            width, height, s.width, s.height, s.offset_x, s.offset_y));
+    throw Error(fmt::format(
+        "the provided image of {} x {} pixels does not cover the region {} x {} at ({}, {})", width,
+        height, s.width, s.height, s.offset_x, s.offset_y));
   }
   if (s.width == width && s.height == height) {
     frame->pixels = image.pixels;
@@ -75,7 +78,8 @@ GvspPacket MakePacket(const SentFrame& frame, std::uint32_t id, GevStatus status
   }
   GvspPacket payload = Header(status, frame.id, kPayload, id);
   const std::size_t begin = (id - 1) * BlockSize(frame);
-  payload.pixels = frame.pixels.subspan(begin, std::min(BlockSize(frame), frame.pixels.size() - begin));
+  payload.pixels =
+      frame.pixels.subspan(begin, std::min(BlockSize(frame), frame.pixels.size() - begin));
   return payload;
 }
 

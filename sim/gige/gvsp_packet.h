@@ -29,8 +29,8 @@ struct StreamSettings {
   double exposure_us = 0;
 };
 
-/// A frame that can be sent and resent packet by packet. `pixels` points into the provider's image or into
-/// `cropped`.
+/// A frame that can be sent and resent packet by packet. `pixels` points into the provider's image
+/// or into `cropped`.
 struct SentFrame {
   std::uint16_t id = 0;  ///< 0 = empty
   std::uint64_t timestamp_ns = 0;

@@ -55,7 +55,8 @@ bool GvspSender::Expose(const TriggerPulse& pulse, const StreamSettings& setting
   return true;
 }
 
-void GvspSender::Resend(std::uint16_t frame_id, std::uint32_t first_packet, std::uint32_t last_packet) {
+void GvspSender::Resend(std::uint16_t frame_id, std::uint32_t first_packet,
+                        std::uint32_t last_packet) {
   const Lock lock(mutex_);
   resends_.push_back({frame_id, first_packet, last_packet});
   wake_.notify_all();
@@ -114,7 +115,9 @@ void GvspSender::Run() {
       exposing_ = sending_ = false;
       continue;
     }
-    wake_.wait(lock, [&] { return stop_ || !exposures_.empty() || !resends_.empty() || !test_packets_.empty(); });
+    wake_.wait(lock, [&] {
+      return stop_ || !exposures_.empty() || !resends_.empty() || !test_packets_.empty();
+    });
   }
 }
 
@@ -134,7 +137,8 @@ void GvspSender::SendFrame(const Exposure& exposure, Lock* lock) {
     error = problem.what();
   }
   lock->lock();
-  const auto exposure_time = std::chrono::nanoseconds(static_cast<std::int64_t>(exposure.settings.exposure_us * 1000));
+  const auto exposure_time =
+      std::chrono::nanoseconds(static_cast<std::int64_t>(exposure.settings.exposure_us * 1000));
   if (!WaitUntil(exposure.begin + exposure_time, lock)) return;
   exposing_ = false;
   if (!error.empty()) {
@@ -144,8 +148,8 @@ void GvspSender::SendFrame(const Exposure& exposure, Lock* lock) {
   frame.id = TakeFrameId();
 
   const std::chrono::nanoseconds packet_time = PacketTime(frame.settings, options_.link_mbit_per_s);
-  const auto batch = static_cast<std::uint32_t>(
-      std::clamp<std::int64_t>(kBatchTime / std::max(packet_time, std::chrono::nanoseconds(1)), 1, kMaxBatch));
+  const auto batch = static_cast<std::uint32_t>(std::clamp<std::int64_t>(
+      kBatchTime / std::max(packet_time, std::chrono::nanoseconds(1)), 1, kMaxBatch));
   const std::uint32_t packets = PacketCount(frame);
   Clock::time_point next = Clock::now();
   for (std::uint32_t first = 0; first < packets; first += batch) {
@@ -158,7 +162,8 @@ void GvspSender::SendFrame(const Exposure& exposure, Lock* lock) {
 }
 
 std::uint16_t GvspSender::TakeFrameId() {
-  if (faults_.skip_frame_id_after == stats_.frames_sent) next_frame_id_ = NextFrameId(next_frame_id_);
+  if (faults_.skip_frame_id_after == stats_.frames_sent)
+    next_frame_id_ = NextFrameId(next_frame_id_);
   return std::exchange(next_frame_id_, NextFrameId(next_frame_id_));
 }
 
@@ -190,8 +195,9 @@ void GvspSender::ServeRequests(Lock* lock) {
 }
 
 void GvspSender::ServeResend(const ResendRequest& request, Lock* lock) {
-  const auto found = std::find_if(ring_.begin(), ring_.end(),
-                                  [&](const SentFrame& frame) { return frame.id != 0 && frame.id == request.frame_id; });
+  const auto found = std::find_if(ring_.begin(), ring_.end(), [&](const SentFrame& frame) {
+    return frame.id != 0 && frame.id == request.frame_id;
+  });
   if (request.last < request.first) return;
   if (found == ring_.end()) {
     stats_.resends_requested += request.last - request.first + 1;
@@ -206,19 +212,22 @@ void GvspSender::ServeResend(const ResendRequest& request, Lock* lock) {
   if (last < request.first) return;
   stats_.resends_requested += last - request.first + 1;
   for (std::uint32_t first = request.first; first <= last; first += kMaxBatch) {
-    SendPackets(*found, first, std::min(kMaxBatch, last - first + 1), GevStatus::kPacketResend, lock);
+    SendPackets(*found, first, std::min(kMaxBatch, last - first + 1), GevStatus::kPacketResend,
+                lock);
   }
 }
 
-void GvspSender::SendPackets(const SentFrame& frame, std::uint32_t first, std::uint32_t count, GevStatus status,
-                             Lock* lock) {
+void GvspSender::SendPackets(const SentFrame& frame, std::uint32_t first, std::uint32_t count,
+                             GevStatus status, Lock* lock) {
   std::vector<GvspPacket> packets;
   packets.reserve(count);
-  for (std::uint32_t id = first; id < first + count; ++id) packets.push_back(MakePacket(frame, id, status));
+  for (std::uint32_t id = first; id < first + count; ++id)
+    packets.push_back(MakePacket(frame, id, status));
   Transmit(std::move(packets), frame.settings, lock);
 }
 
-void GvspSender::Transmit(std::vector<GvspPacket> packets, const StreamSettings& settings, Lock* lock) {
+void GvspSender::Transmit(std::vector<GvspPacket> packets, const StreamSettings& settings,
+                          Lock* lock) {
   if (faults_.dead) return;
   if (faults_.packet_drop_probability > 0) {
     std::bernoulli_distribution drop(faults_.packet_drop_probability);
@@ -249,7 +258,8 @@ void GvspSender::Transmit(std::vector<GvspPacket> packets, const StreamSettings&
   std::int64_t errors = 0;
   int last_error = 0;
   while (done < messages.size()) {
-    const int sent = sendmmsg(socket_.Descriptor(), &messages[done], static_cast<unsigned>(messages.size() - done), 0);
+    const int sent = sendmmsg(socket_.Descriptor(), &messages[done],
+                              static_cast<unsigned>(messages.size() - done), 0);
     if (sent > 0) {
       done += static_cast<std::size_t>(sent);
     } else if (errno == EAGAIN || errno == EWOULDBLOCK || errno == ENOBUFS) {

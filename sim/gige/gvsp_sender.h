@@ -24,8 +24,8 @@ struct GvspSenderOptions {
   std::uint64_t seed = 1;
 };
 
-/// The stream channel of one device: a thread that exposes, sends, paces and resends. All calls return at once and may come
-/// from any thread.
+/// The stream channel of one device: a thread that exposes, sends, paces and resends. All calls
+/// return at once and may come from any thread.
 class GvspSender {
  public:
   GvspSender(const GvspSenderOptions& options, FrameProvider provider);
@@ -66,7 +66,8 @@ class GvspSender {
 
   void Run();
   void SendFrame(const Exposure& exposure, Lock* lock);
-  void SendPackets(const SentFrame& frame, std::uint32_t first, std::uint32_t count, GevStatus status, Lock* lock);
+  void SendPackets(const SentFrame& frame, std::uint32_t first, std::uint32_t count,
+                   GevStatus status, Lock* lock);
   void Transmit(std::vector<GvspPacket> packets, const StreamSettings& settings, Lock* lock);
   void ServeRequests(Lock* lock);
   void ServeResend(const ResendRequest& request, Lock* lock);

@@ -22,7 +22,9 @@ sockaddr_in Native(const Endpoint& endpoint) {
   return native;
 }
 
-Endpoint FromNative(const sockaddr_in& native) { return {ntohl(native.sin_addr.s_addr), ntohs(native.sin_port)}; }
+Endpoint FromNative(const sockaddr_in& native) {
+  return {ntohl(native.sin_addr.s_addr), ntohs(native.sin_port)};
+}
 
 }  // namespace
 
@@ -33,7 +35,8 @@ std::string ToString(const Endpoint& endpoint) {
 
 UdpSocket::UdpSocket(const Endpoint& endpoint, const std::string& purpose, bool shared) {
   descriptor_ = socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
-  if (descriptor_ < 0) throw Error(fmt::format("cannot make a UDP socket for {}: {}", purpose, std::strerror(errno)));
+  if (descriptor_ < 0)
+    throw Error(fmt::format("cannot make a UDP socket for {}: {}", purpose, std::strerror(errno)));
   const int yes = 1;
   if (shared) {
     setsockopt(descriptor_, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
@@ -46,8 +49,8 @@ UdpSocket::UdpSocket(const Endpoint& endpoint, const std::string& purpose, bool 
   if (bind(descriptor_, reinterpret_cast<const sockaddr*>(&native), sizeof native) != 0) {
     const int error = errno;
     close(descriptor_);
-    throw Error(fmt::format("cannot use UDP {} for {}: {}; is another simulated rig running?", ToString(endpoint), purpose,
-                            std::strerror(error)));
+    throw Error(fmt::format("cannot use UDP {} for {}: {}; is another simulated rig running?",
+                            ToString(endpoint), purpose, std::strerror(error)));
   }
 }
 
@@ -60,10 +63,12 @@ Endpoint UdpSocket::Local() const {
   return FromNative(native);
 }
 
-std::optional<std::span<std::uint8_t>> UdpSocket::Receive(std::span<std::uint8_t> buffer, Endpoint* from) {
+std::optional<std::span<std::uint8_t>> UdpSocket::Receive(std::span<std::uint8_t> buffer,
+                                                          Endpoint* from) {
   sockaddr_in native{};
   socklen_t size = sizeof native;
-  const ssize_t count = recvfrom(descriptor_, buffer.data(), buffer.size(), 0, reinterpret_cast<sockaddr*>(&native), &size);
+  const ssize_t count = recvfrom(descriptor_, buffer.data(), buffer.size(), 0,
+                                 reinterpret_cast<sockaddr*>(&native), &size);
   if (count < 0) return {};
   *from = FromNative(native);
   return buffer.first(static_cast<std::size_t>(count));
@@ -72,7 +77,8 @@ std::optional<std::span<std::uint8_t>> UdpSocket::Receive(std::span<std::uint8_t
 void UdpSocket::Send(std::span<const std::uint8_t> bytes, const Endpoint& to) {
   const sockaddr_in native = Native(to);
   // A lost answer is repeated by the client, as on any network.
-  (void)!sendto(descriptor_, bytes.data(), bytes.size(), 0, reinterpret_cast<const sockaddr*>(&native), sizeof native);
+  (void)!sendto(descriptor_, bytes.data(), bytes.size(), 0,
+                reinterpret_cast<const sockaddr*>(&native), sizeof native);
 }
 
 }  // namespace sole::sim

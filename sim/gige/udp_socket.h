@@ -20,8 +20,8 @@ std::string ToString(const Endpoint& endpoint);
 /// A non-blocking UDP socket bound to one endpoint; owns the descriptor.
 class UdpSocket {
  public:
-  /// Throws Error naming `purpose` and the endpoint. With `shared`, several sockets may hold the endpoint (each receives
-  /// every broadcast).
+  /// Throws Error naming `purpose` and the endpoint. With `shared`, several sockets may hold the
+  /// endpoint (each receives every broadcast).
   UdpSocket(const Endpoint& endpoint, const std::string& purpose, bool shared = false);
   ~UdpSocket();
   UdpSocket(const UdpSocket&) = delete;
@@ -29,7 +29,8 @@ class UdpSocket {
 
   int Descriptor() const { return descriptor_; }
   Endpoint Local() const;
-  /// Copies the next waiting datagram into `buffer` (cut to its size) and returns its part; empty if none waits.
+  /// Copies the next waiting datagram into `buffer` (cut to its size) and returns its part; empty
+  /// if none waits.
   std::optional<std::span<std::uint8_t>> Receive(std::span<std::uint8_t> buffer, Endpoint* from);
   void Send(std::span<const std::uint8_t> bytes, const Endpoint& to);
 

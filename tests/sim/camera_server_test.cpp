@@ -1,86 +1,26 @@
 #include "sim/camera_server.h"
 
 #include <array>
-#include <chrono>
 #include <cstdio>
+#include <cstdlib>
 #include <map>
 #include <set>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "core/error.h"
 #include "tests/sim/gige_client.h"
+#include "tests/sim/served_rig.h"
 
 namespace sole::sim {
 namespace {
 
 using testing::HasSubstr;
 
-constexpr int kWidth = 320, kHeight = 240;
-constexpr int kVariants = 16;
-
-/// Different for every camera, kind, sequence (mod kVariants) and pixel.
-std::uint8_t Grey(int camera, const TriggerPulse& pulse, std::size_t pixel) {
-  const auto sequence = static_cast<std::size_t>((pulse.sequence % kVariants + kVariants) % kVariants);
-  std::size_t mixed = pixel * 2654435761U + sequence * 40503U + static_cast<std::size_t>(camera) * 977U + pulse.kind * 331U;
-  mixed ^= mixed >> 15;
-  return static_cast<std::uint8_t>(mixed * 31U >> 3);
-}
-
-class RenderedFrames {
- public:
-  explicit RenderedFrames(int cameras) {
-    for (int camera = 0; camera < cameras; ++camera) {
-      for (std::uint32_t kind = 0; kind < 2; ++kind) {
-        for (int sequence = 0; sequence < kVariants; ++sequence) {
-          ImageU8 image(kWidth, kHeight);
-          const TriggerPulse pulse{.sequence = sequence, .scheduled_ns = 0, .kind = kind};
-          for (std::size_t i = 0; i < image.pixels.size(); ++i) image.pixels[i] = Grey(camera, pulse, i);
-          images_.push_back(std::move(image));
-        }
-      }
-    }
-  }
-  const ImageU8& At(int camera, const TriggerPulse& pulse) const {
-    const auto sequence = static_cast<int>((pulse.sequence % kVariants + kVariants) % kVariants);
-    return images_[static_cast<std::size_t>((camera * 2 + static_cast<int>(pulse.kind)) * kVariants + sequence)];
-  }
-
- private:
-  std::vector<ImageU8> images_;
-};
-
-/// A server of small cameras SRV<net>A, B ... on 127.0.<net>.1 onwards.
-struct Rig {
-  Rig(int net, int cameras, CameraServerOptions options = {}) : frames(cameras) {
-    std::vector<ServedCamera> served;
-    for (int i = 0; i < cameras; ++i) {
-      served.push_back({.serial = "SRV" + std::to_string(net) + static_cast<char>('A' + i),
-                        .address = "127.0." + std::to_string(net) + "." + std::to_string(i + 1),
-                        .width = kWidth, .height = kHeight, .exposure_us = 100});
-      addresses.push_back(served.back().address);
-      serials.push_back(served.back().serial);
-    }
-    server = std::make_unique<CameraServer>(
-        served, 0, [this](int camera, const TriggerPulse& pulse) -> const ImageU8& { return frames.At(camera, pulse); },
-        std::move(options));
-  }
-
-  RenderedFrames frames;
-  std::vector<std::string> addresses, serials;
-  std::unique_ptr<CameraServer> server;
-};
-
-std::int64_t NowNs() {
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::system_clock::now().time_since_epoch()).count();
-}
-
 TEST(CameraServer, IsDiscoveredByStockClient) {
-  const Rig rig(71, 3);
+  const ServedRig rig(71, 3);
   arv_update_device_list();
   std::map<std::string, std::string> address_of;
   std::map<std::string, std::string> id_of;
@@ -105,21 +45,24 @@ TEST(CameraServer, IsDiscoveredByStockClient) {
 }
 
 TEST(CameraServer, IsListedByArvTool) {
-  if (std::system("command -v arv-tool-0.8 > /dev/null") != 0) GTEST_SKIP() << "arv-tool-0.8 is not installed";
-  const Rig rig(72, 20);
+  if (std::system("command -v arv-tool-0.8 > /dev/null") != 0)
+    GTEST_SKIP() << "arv-tool-0.8 is not installed";
+  const ServedRig rig(72, 20);
   FILE* pipe = popen("arv-tool-0.8 2>&1", "r");
   ASSERT_NE(pipe, nullptr);
   std::string output;
   std::array<char, 4096> buffer{};
-  while (std::fgets(buffer.data(), static_cast<int>(buffer.size()), pipe) != nullptr) output += buffer.data();
+  while (std::fgets(buffer.data(), static_cast<int>(buffer.size()), pipe) != nullptr)
+    output += buffer.data();
   EXPECT_EQ(pclose(pipe), 0);
   for (std::size_t i = 0; i < rig.serials.size(); ++i) {
-    EXPECT_THAT(output, HasSubstr("Sole-SimulatedCamera-" + rig.serials[i] + " (" + rig.addresses[i] + ")"));
+    EXPECT_THAT(output, HasSubstr("Sole-SimulatedCamera-" + rig.serials[i] + " (" +
+                                  rig.addresses[i] + ")"));
   }
 }
 
 TEST(CameraServer, FeaturesReadBackWhatWasWritten) {
-  const Rig rig(73, 1);
+  const ServedRig rig(73, 1);
   const ArvClient client(rig.addresses[0]);
   ArvCamera* camera = client.Camera();
   ASSERT_NE(camera, nullptr);
@@ -165,14 +108,15 @@ TEST(CameraServer, FeaturesReadBackWhatWasWritten) {
 }
 
 TEST(CameraServer, ImpossibleValuesAreRefused) {
-  const Rig rig(73, 1);
+  const ServedRig rig(73, 1);
   RawClient raw;
   const std::string& camera = rig.addresses[0];
   EXPECT_EQ(raw.WriteRegister(camera, 0x10000, 100), 0x8006) << "control comes first";
   EXPECT_EQ(raw.WriteRegister(camera, 0xA00, 2), 0);
   EXPECT_EQ(raw.WriteRegister(camera, 0x10000, 100), 0);
   EXPECT_EQ(raw.WriteRegister(camera, 0x10000, kWidth + 1), 0x8002);
-  EXPECT_EQ(raw.WriteRegister(camera, 0x10008, kWidth - 99), 0x8002) << "the region would leave the sensor";
+  EXPECT_EQ(raw.WriteRegister(camera, 0x10008, kWidth - 99), 0x8002)
+      << "the region would leave the sensor";
   EXPECT_EQ(raw.WriteRegister(camera, 0x10204, 7), 0x8002) << "no such trigger mode";
   EXPECT_EQ(raw.WriteRegister(camera, 0x10010, 100), 0x8004) << "sensor width";
   EXPECT_EQ(raw.WriteRegister(camera, 0x10002, 100), 0x8005);
@@ -182,7 +126,7 @@ TEST(CameraServer, ImpossibleValuesAreRefused) {
 }
 
 TEST(CameraServer, SoftwareTriggerDeliversTheProvidedFrames) {
-  const Rig rig(74, 1);
+  const ServedRig rig(74, 1);
   ArvClient client(rig.addresses[0]);
   client.Start("Software");
   std::uint64_t last_ns = static_cast<std::uint64_t>(NowNs());
@@ -199,11 +143,12 @@ TEST(CameraServer, SoftwareTriggerDeliversTheProvidedFrames) {
   }
   const RawClient raw;
   raw.Pulse(rig.server->BusPort(), {.sequence = 1, .scheduled_ns = 1, .kind = 0});
-  EXPECT_FALSE(client.Next(200)) << "a line pulse must not trigger a camera that waits for software";
+  EXPECT_FALSE(client.Next(200))
+      << "a line pulse must not trigger a camera that waits for software";
 }
 
 TEST(CameraServer, BusPulsesTriggerEveryArmedCameraInOrder) {
-  const Rig rig(75, 3);
+  const ServedRig rig(75, 3);
   ArvClient first(rig.addresses[0]), second(rig.addresses[1]), idle(rig.addresses[2]);
   first.Start("Line1");
   second.Start("Line1", 1500);

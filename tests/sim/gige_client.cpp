@@ -10,7 +10,9 @@
 
 namespace sole::sim {
 
-ArvClient::ArvClient(const std::string& name) { camera_ = arv_camera_new(name.c_str(), SOLE_ARV_OK); }
+ArvClient::ArvClient(const std::string& name) {
+  camera_ = arv_camera_new(name.c_str(), SOLE_ARV_OK);
+}
 
 ArvClient::~ArvClient() {
   if (stream_ != nullptr) Stop();
@@ -28,8 +30,8 @@ void ArvClient::Start(const std::string& source, int packet_size) {
   }
   stream_ = arv_camera_create_stream(camera_, nullptr, nullptr, SOLE_ARV_OK);
   ASSERT_NE(stream_, nullptr);
-  g_object_set(stream_, "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED, "socket-buffer-size", 4 << 20,
-               "packet-request-ratio", 1.0, "frame-retention", 1000000, nullptr);
+  g_object_set(stream_, "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED, "socket-buffer-size",
+               4 << 20, "packet-request-ratio", 1.0, "frame-retention", 1000000, nullptr);
   const guint payload = arv_camera_get_payload(camera_, SOLE_ARV_OK);
   for (int i = 0; i < 16; ++i) arv_stream_push_buffer(stream_, arv_buffer_new_allocate(payload));
   arv_camera_start_acquisition(camera_, SOLE_ARV_OK);
@@ -41,7 +43,8 @@ void ArvClient::Stop() {
 }
 
 std::optional<ReceivedFrame> ArvClient::Next(int timeout_ms) {
-  ArvBuffer* buffer = arv_stream_timeout_pop_buffer(stream_, static_cast<guint64>(timeout_ms) * 1000);
+  ArvBuffer* buffer =
+      arv_stream_timeout_pop_buffer(stream_, static_cast<guint64>(timeout_ms) * 1000);
   if (buffer == nullptr) return {};
   ReceivedFrame frame;
   frame.status = arv_buffer_get_status(buffer);
@@ -73,16 +76,20 @@ int RawClient::Port() const {
   return ntohs(local.sin_port);
 }
 
-void RawClient::Send(const std::string& address, int port, std::span<const std::uint8_t> bytes) const {
+void RawClient::Send(const std::string& address, int port,
+                     std::span<const std::uint8_t> bytes) const {
   sockaddr_in to{};
   to.sin_family = AF_INET;
   to.sin_addr.s_addr = inet_addr(address.c_str());
   to.sin_port = htons(static_cast<std::uint16_t>(port));
-  ASSERT_EQ(sendto(socket_, bytes.data(), bytes.size(), 0, reinterpret_cast<const sockaddr*>(&to), sizeof to),
+  ASSERT_EQ(sendto(socket_, bytes.data(), bytes.size(), 0, reinterpret_cast<const sockaddr*>(&to),
+                   sizeof to),
             static_cast<ssize_t>(bytes.size()));
 }
 
-void RawClient::Pulse(int bus_port, const TriggerPulse& pulse) const { Send("127.0.0.1", bus_port, Encode(pulse)); }
+void RawClient::Pulse(int bus_port, const TriggerPulse& pulse) const {
+  Send("127.0.0.1", bus_port, Encode(pulse));
+}
 
 std::vector<std::uint8_t> RawClient::Receive(int timeout_ms) const {
   pollfd descriptor{socket_, POLLIN, 0};
@@ -94,15 +101,20 @@ std::vector<std::uint8_t> RawClient::Receive(int timeout_ms) const {
 }
 
 std::vector<std::uint8_t> RawClient::Command(const std::string& address, std::uint16_t command,
-                                             std::span<const std::uint32_t> words, bool acknowledged) {
+                                             std::span<const std::uint32_t> words,
+                                             bool acknowledged) {
   ++request_;
   const auto length = static_cast<std::uint16_t>(4 * words.size());
   const auto high = [](unsigned value) { return static_cast<std::uint8_t>(value >> 8); };
   const auto low = [](unsigned value) { return static_cast<std::uint8_t>(value); };
-  std::vector<std::uint8_t> packet = {0x42, acknowledged ? std::uint8_t{1} : std::uint8_t{0}, high(command),
-                                      low(command), high(length), low(length), high(request_), low(request_)};
+  std::vector<std::uint8_t> packet = {
+      0x42,           acknowledged ? std::uint8_t{1} : std::uint8_t{0},
+      high(command),  low(command),
+      high(length),   low(length),
+      high(request_), low(request_)};
   for (const std::uint32_t word : words) {
-    for (const int shift : {24, 16, 8, 0}) packet.push_back(static_cast<std::uint8_t>(word >> shift));
+    for (const int shift : {24, 16, 8, 0})
+      packet.push_back(static_cast<std::uint8_t>(word >> shift));
   }
   Send(address, 3956, packet);
   return acknowledged ? Receive(500) : std::vector<std::uint8_t>{};
@@ -114,7 +126,8 @@ int RawClient::WriteRegister(const std::string& address, std::uint32_t where, st
   return ack.size() < 8 ? -1 : ack[0] << 8 | ack[1];
 }
 
-std::optional<std::uint32_t> RawClient::ReadRegister(const std::string& address, std::uint32_t where) {
+std::optional<std::uint32_t> RawClient::ReadRegister(const std::string& address,
+                                                     std::uint32_t where) {
   const std::uint32_t words[] = {where};
   const std::vector<std::uint8_t> ack = Command(address, 0x0080, words);
   if (ack.size() != 12 || ack[0] != 0 || ack[1] != 0) return {};
@@ -122,8 +135,8 @@ std::optional<std::uint32_t> RawClient::ReadRegister(const std::string& address,
          static_cast<std::uint32_t>(ack[10]) << 8 | ack[11];
 }
 
-void RawClient::FireAction(const std::string& address, std::uint32_t device_key, std::uint32_t group_key,
-                           std::uint32_t group_mask) {
+void RawClient::FireAction(const std::string& address, std::uint32_t device_key,
+                           std::uint32_t group_key, std::uint32_t group_mask) {
   const std::uint32_t words[] = {device_key, group_key, group_mask};
   Command(address, 0x0100, words, false);
 }

@@ -77,7 +77,8 @@ class RawClient {
   /// Status word of the acknowledgement; -1 if none came.
   int WriteRegister(const std::string& address, std::uint32_t where, std::uint32_t value);
   std::optional<std::uint32_t> ReadRegister(const std::string& address, std::uint32_t where);
-  void FireAction(const std::string& address, std::uint32_t device_key, std::uint32_t group_key, std::uint32_t group_mask);
+  void FireAction(const std::string& address, std::uint32_t device_key, std::uint32_t group_key,
+                  std::uint32_t group_mask);
   int Port() const;
 
  private:
