@@ -119,7 +119,7 @@ AnatomyTable Load() {
   for (const json& value : root.at("nails")) table.nails.push_back(NailFrom(value, table));
   const json& blend = root.at("blend");
   table.k_body_toes = blend.at("k_body_toes");
-  table.k_toe_toe = blend.at("k_toe_toe");
+  table.toe_clearance = blend.at("toe_clearance");
   table.cut_point.z() = blend.at("cut_z");
   return table;
 }

@@ -62,7 +62,7 @@ struct AnatomyTable {
   std::vector<AnatomyBone> bones;
   std::vector<FleshPrimitive> primitives;
   std::vector<Nail> nails;
-  double k_body_toes = 0, k_toe_toe = 0;
+  double k_body_toes = 0;
   double toe_clearance = 0.0001;  ///< toes that would overlap keep this distance from their mid-surface
   Eigen::Vector3d cut_point = Eigen::Vector3d::Zero();  ///< the cap's plane, on the tibia
   Eigen::Vector3d cut_normal = Eigen::Vector3d::UnitZ();
