@@ -1,0 +1,259 @@
+#include "recon/fuse.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <numeric>
+
+#include <Eigen/Dense>
+#include <pcl/kdtree/kdtree_flann.h>
+#include <pcl/point_types.h>
+#include <tbb/parallel_for.h>
+
+#include "core/error.h"
+
+namespace sole::recon {
+namespace {
+
+/// Weighted sum of points of one pair in one voxel.
+struct Merged {
+  Eigen::Vector3d point_m = Eigen::Vector3d::Zero();
+  Eigen::Vector3d to_camera = Eigen::Vector3d::Zero();
+  double weight = 0;   ///< sum of inverse variances
+  double sigma_m = 0;  ///< along the ray
+  double intensity = 0;
+  int pair = 0;
+  int count = 0;
+};
+
+std::uint64_t VoxelKey(const Eigen::Vector3d& p, double voxel_m) {
+  constexpr std::int64_t kOffset = 1 << 20;
+  std::uint64_t key = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    const std::int64_t cell = static_cast<std::int64_t>(std::floor(p[axis] / voxel_m)) + kOffset;
+    key = (key << 21) | (static_cast<std::uint64_t>(cell) & 0x1FFFFF);
+  }
+  return key;
+}
+
+/// Mean of the points of one pair in a voxel. Their windows overlap, so sigma does not shrink.
+Merged MergePair(std::span<const PairPoint> points, std::span<const std::uint32_t> group) {
+  Merged merged;
+  double sigma = 0;
+  for (const std::uint32_t i : group) {
+    const PairPoint& p = points[i];
+    const double w = 1 / (p.ray_sigma_m * p.ray_sigma_m);
+    merged.point_m += w * p.point_m;
+    merged.to_camera += w * p.to_camera;
+    merged.intensity += w * static_cast<double>(p.intensity);
+    sigma += w * p.ray_sigma_m;
+    merged.weight += w;
+    merged.pair = p.pair;
+    ++merged.count;
+  }
+  merged.point_m /= merged.weight;
+  merged.intensity /= merged.weight;
+  merged.sigma_m = sigma / merged.weight;
+  merged.weight = 1 / (merged.sigma_m * merged.sigma_m);
+  merged.to_camera.normalize();
+  return merged;
+}
+
+/// Mean over pairs where they agree; otherwise each stays for itself.
+void MergePairs(std::vector<Merged>& of_voxel, double max_disagreement_m, std::vector<Merged>& out) {
+  std::sort(of_voxel.begin(), of_voxel.end(),
+            [](const Merged& a, const Merged& b) { return a.weight > b.weight; });
+  Merged& best = of_voxel.front();
+  const Eigen::Vector3d reference = best.point_m;
+  double total = best.weight;
+  Eigen::Vector3d sum = best.weight * best.point_m;
+  for (std::size_t i = 1; i < of_voxel.size(); ++i) {
+    const Merged& other = of_voxel[i];
+    const Eigen::Vector3d off = other.point_m - reference;
+    if (std::abs(off.dot(best.to_camera)) > max_disagreement_m || other.to_camera.dot(best.to_camera) < -0.5) {
+      out.push_back(other);
+      continue;
+    }
+    sum += other.weight * other.point_m;
+    total += other.weight;
+  }
+  best.point_m = sum / total;
+  best.sigma_m = 1 / std::sqrt(total);
+  out.push_back(best);
+}
+
+std::vector<Merged> MergeVoxels(std::span<const PairPoint> points, const FuseOptions& options) {
+  std::vector<std::uint64_t> keys(points.size());
+  tbb::parallel_for(std::size_t{0}, points.size(),
+                    [&](std::size_t i) { keys[i] = VoxelKey(points[i].point_m, options.voxel_m); });
+  std::vector<std::uint32_t> order(points.size());
+  std::iota(order.begin(), order.end(), 0U);
+  std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
+    if (keys[a] != keys[b]) return keys[a] < keys[b];
+    if (points[a].pair != points[b].pair) return points[a].pair < points[b].pair;
+    return a < b;
+  });
+  std::vector<Merged> merged;
+  merged.reserve(points.size());
+  std::vector<Merged> of_voxel;
+  for (std::size_t begin = 0; begin < order.size();) {
+    of_voxel.clear();
+    std::size_t end = begin;
+    while (end < order.size() && keys[order[end]] == keys[order[begin]]) {
+      std::size_t stop = end;
+      while (stop < order.size() && keys[order[stop]] == keys[order[begin]] &&
+             points[order[stop]].pair == points[order[end]].pair) {
+        ++stop;
+      }
+      of_voxel.push_back(MergePair(points, std::span(order).subspan(end, stop - end)));
+      end = stop;
+    }
+    MergePairs(of_voxel, options.max_disagreement_m, merged);
+    begin = end;
+  }
+  return merged;
+}
+
+/// What the nearest points say of a point.
+struct Neighbourhood {
+  std::vector<int> near;      ///< within connect_m
+  double mean_distance_m = 0;
+  double plane_residual_m = 0;
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();
+};
+
+std::vector<Neighbourhood> FindNeighbourhoods(const std::vector<Merged>& points, const FuseOptions& options) {
+  const auto cloud = std::make_shared<pcl::PointCloud<pcl::PointXYZ>>();
+  cloud->reserve(points.size());
+  for (const Merged& p : points) {
+    const Eigen::Vector3f f = p.point_m.cast<float>();
+    cloud->push_back(pcl::PointXYZ(f.x(), f.y(), f.z()));
+  }
+  pcl::KdTreeFLANN<pcl::PointXYZ> tree;
+  tree.setInputCloud(cloud);
+  const int k = std::min(options.neighbours + 1, static_cast<int>(points.size()));
+  std::vector<Neighbourhood> result(points.size());
+  tbb::parallel_for(std::size_t{0}, points.size(), [&](std::size_t i) {
+    std::vector<int> index;
+    std::vector<float> distance2;
+    tree.nearestKSearch((*cloud)[i], k, index, distance2);
+    Neighbourhood& n = result[i];
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    for (std::size_t j = 0; j < index.size(); ++j) {
+      const auto d = std::sqrt(static_cast<double>(distance2[j]));
+      n.mean_distance_m += d;
+      if (d < options.connect_m) n.near.push_back(index[j]);
+      mean += points[static_cast<std::size_t>(index[j])].point_m;
+    }
+    n.mean_distance_m /= std::max<double>(1, static_cast<double>(index.size()) - 1);
+    mean /= static_cast<double>(index.size());
+    Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
+    for (const int j : index) {
+      const Eigen::Vector3d off = points[static_cast<std::size_t>(j)].point_m - mean;
+      scatter += off * off.transpose();
+    }
+    Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen;
+    eigen.computeDirect(scatter);
+    n.normal = eigen.eigenvectors().col(0).normalized();
+    if (n.normal.dot(points[i].to_camera) < 0) n.normal = -n.normal;
+    n.plane_residual_m = std::abs(n.normal.dot(points[i].point_m - mean));
+  });
+  return result;
+}
+
+std::vector<char> FindInliers(const std::vector<Neighbourhood>& around, const FuseOptions& options) {
+  double sum = 0, squares = 0;
+  for (const Neighbourhood& n : around) {
+    sum += n.mean_distance_m;
+    squares += n.mean_distance_m * n.mean_distance_m;
+  }
+  const auto count = static_cast<double>(around.size());
+  const double mean = sum / count;
+  const double deviation = std::sqrt(std::max(0.0, squares / count - mean * mean));
+  const double limit = mean + options.outlier_deviations * deviation;
+  std::vector<char> inlier(around.size());
+  for (std::size_t i = 0; i < around.size(); ++i) {
+    inlier[i] = around[i].mean_distance_m <= limit &&
+                around[i].plane_residual_m <= options.max_plane_residual_m;
+  }
+  return inlier;
+}
+
+/// Component number of every inlier (-1 for others); neighbours within connect_m are connected.
+std::vector<int> FindComponents(const std::vector<Neighbourhood>& around, const std::vector<char>& inlier,
+                                int& components) {
+  std::vector<int> parent(around.size());
+  std::iota(parent.begin(), parent.end(), 0);
+  const auto root = [&](int i) {
+    while (parent[static_cast<std::size_t>(i)] != i) {
+      auto& p = parent[static_cast<std::size_t>(i)];
+      p = parent[static_cast<std::size_t>(p)];
+      i = p;
+    }
+    return i;
+  };
+  for (std::size_t i = 0; i < around.size(); ++i) {
+    if (!inlier[i]) continue;
+    for (const int j : around[i].near) {
+      if (!inlier[static_cast<std::size_t>(j)]) continue;
+      const int a = root(static_cast<int>(i)), b = root(j);
+      parent[static_cast<std::size_t>(std::max(a, b))] = std::min(a, b);
+    }
+  }
+  std::vector<int> component(around.size(), -1);
+  components = 0;
+  for (std::size_t i = 0; i < around.size(); ++i) {
+    if (!inlier[i]) continue;
+    const auto r = static_cast<std::size_t>(root(static_cast<int>(i)));
+    component[i] = r == i ? components++ : component[r];
+  }
+  return component;
+}
+
+void Append(const Merged& point, const Eigen::Vector3d& normal, PointCloud& cloud) {
+  // Moving along the ray moves the surface along its normal by the cosine between them.
+  const double cosine = std::max(0.1, normal.dot(point.to_camera));
+  cloud.points_m.push_back(point.point_m.cast<float>());
+  cloud.normals.push_back(normal.cast<float>());
+  cloud.sigma_m.push_back(static_cast<float>(point.sigma_m * cosine));
+  cloud.intensity.push_back(static_cast<float>(point.intensity));
+  cloud.pair.push_back(static_cast<std::uint8_t>(point.pair));
+}
+
+}  // namespace
+
+FusedClouds Fuse(std::span<const PairPoint> points, int pairs, const FuseOptions& options) {
+  Require(options.voxel_m > 1e-5 && options.neighbours >= 3, "fuse: voxel_m must exceed 0.01 mm and neighbours be at least 3");
+  FusedClouds result;
+  result.foot_points.assign(static_cast<std::size_t>(pairs), 0);
+  if (points.empty()) return result;
+  const std::vector<Merged> merged = MergeVoxels(points, options);
+  const std::vector<Neighbourhood> around = FindNeighbourhoods(merged, options);
+  const std::vector<char> inlier = FindInliers(around, options);
+  int components = 0;
+  const std::vector<int> component = FindComponents(around, inlier, components);
+
+  std::vector<int> size(static_cast<std::size_t>(components)), high(static_cast<std::size_t>(components));
+  for (std::size_t i = 0; i < merged.size(); ++i) {
+    if (component[i] < 0) continue;
+    const auto c = static_cast<std::size_t>(component[i]);
+    ++size[c];
+    if (merged[i].point_m.z() > options.min_foot_height_m) ++high[c];
+  }
+  for (std::size_t i = 0; i < merged.size(); ++i) {
+    const auto c = static_cast<std::size_t>(std::max(component[i], 0));
+    if (component[i] < 0) {
+      ++result.outliers;
+    } else if (size[c] >= options.min_component && 10 * high[c] > size[c]) {
+      Append(merged[i], around[i].normal, result.cloud);
+      ++result.foot_points[static_cast<std::size_t>(merged[i].pair)];
+    } else if (high[c] == 0 && std::abs(merged[i].point_m.z()) < options.platform_height_m) {
+      Append(merged[i], Eigen::Vector3d::UnitZ(), result.platform);
+    } else {
+      ++result.outliers;
+    }
+  }
+  return result;
+}
+
+}  // namespace sole::recon

@@ -1,0 +1,238 @@
+#include "recon/grid_match.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+
+#include <Eigen/Dense>
+#include <tbb/parallel_for.h>
+
+#include "core/error.h"
+
+namespace sole::recon {
+namespace {
+
+/// Disparity near a rectified pixel as a plane: value there and slopes.
+struct LocalDisparity {
+  double value = 0, slope_x = 0, slope_y = 0;
+};
+
+std::optional<LocalDisparity> FitDisparity(const ImageF& disparity, const Eigen::Vector2d& at, int radius) {
+  const int cx = static_cast<int>(std::lround(at.x())), cy = static_cast<int>(std::lround(at.y()));
+  if (cx < radius || cy < radius || cx >= disparity.width - radius || cy >= disparity.height - radius) return {};
+  const auto centre = static_cast<double>(disparity.At(cx, cy));
+  if (!std::isfinite(centre)) return {};
+  Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d rhs = Eigen::Vector3d::Zero();
+  int count = 0;
+  for (int y = cy - radius; y <= cy + radius; ++y) {
+    for (int x = cx - radius; x <= cx + radius; ++x) {
+      const auto d = static_cast<double>(disparity.At(x, y));
+      if (!(std::abs(d - centre) <= 0.75 * radius)) continue;
+      const Eigen::Vector3d row(1, x - at.x(), y - at.y());
+      normal += row * row.transpose();
+      rhs += row * d;
+      ++count;
+    }
+  }
+  if (count < (2 * radius + 1) * (2 * radius + 1) / 3) return LocalDisparity{centre, 0, 0};
+  const Eigen::Vector3d plane = normal.ldlt().solve(rhs);
+  if (!plane.allFinite() || std::abs(plane[0] - centre) > 1.5) return LocalDisparity{centre, 0, 0};
+  return LocalDisparity{plane[0], plane[1], plane[2]};
+}
+
+class Grid {
+ public:
+  Grid(const PreparedImage& left, const PreparedImage& right, const ImageU8& mask,
+       const GridOptions& options, const SubsetOptions& subset)
+      : left_(left), right_(right), mask_(mask), options_(options), subset_(subset),
+        cols_((mask.width - 1) / options.step_px + 1), rows_((mask.height - 1) / options.step_px + 1),
+        nodes_(static_cast<std::size_t>(cols_) * static_cast<std::size_t>(rows_)) {
+    for (int i = 0; i < Count(); ++i) At(i).lit = mask.At(Pixel(i).x(), Pixel(i).y()) != 0;
+  }
+
+  void MatchFromDisparity(const Rectification& rectification, const ImageF& disparity) {
+    tbb::parallel_for(0, Count(), [&](int i) {
+      if (!At(i).lit) return;
+      const auto start = StartFromDisparity(rectification, disparity, Pixel(i));
+      if (start) Try(i, *start);
+    });
+  }
+
+  /// One round of growing; false when nothing was left to try.
+  bool Grow() {
+    std::vector<std::pair<int, SubsetWarp>> starts;
+    for (int i = 0; i < Count(); ++i) {
+      Node& node = At(i);
+      if (!node.lit || Matched(i) || node.grown >= 2) continue;
+      const int from = BestNeighbour(i);
+      if (from < 0) continue;
+      ++node.grown;
+      starts.emplace_back(i, Extrapolate(from, i));
+    }
+    tbb::parallel_for(std::size_t{0}, starts.size(), [&](std::size_t k) { Try(starts[k].first, starts[k].second); });
+    return !starts.empty();
+  }
+
+  /// Repeats every match with the curvature that the slopes of the matches around it imply.
+  void AddCurvature() {
+    std::vector<SubsetMatch> refined(nodes_.size());
+    tbb::parallel_for(0, Count(), [&](int i) {
+      if (!Matched(i)) return;
+      SubsetWarp start = At(i).match.warp;
+      start.curvature = CurvatureAround(i);
+      refined[static_cast<std::size_t>(i)] = MatchSubset(left_, right_, &mask_, Pixel(i), start, subset_);
+    });
+    for (int i = 0; i < Count(); ++i) {
+      if (Matched(i)) At(i).match = refined[static_cast<std::size_t>(i)];
+    }
+  }
+
+  GridMatches Collect() const {
+    GridMatches result;
+    for (int i = 0; i < Count(); ++i) {
+      result.tried += At(i).lit ? 1 : 0;
+      if (Matched(i) && NeighboursAgree(i)) result.matches.push_back({Pixel(i), At(i).match});
+    }
+    return result;
+  }
+
+ private:
+  struct Node {
+    bool lit = false;
+    int grown = 0;
+    SubsetMatch match;
+  };
+
+  int Count() const { return cols_ * rows_; }
+  Node& At(int i) { return nodes_[static_cast<std::size_t>(i)]; }
+  const Node& At(int i) const { return nodes_[static_cast<std::size_t>(i)]; }
+  bool Matched(int i) const { return At(i).match.status == SubsetStatus::kMatched; }
+  Eigen::Vector2i Pixel(int i) const { return {i % cols_ * options_.step_px, i / cols_ * options_.step_px}; }
+
+  void Try(int i, const SubsetWarp& start) {
+    SubsetMatch match = MatchSubset(left_, right_, &mask_, Pixel(i), start, subset_);
+    if (match.status == SubsetStatus::kMatched) At(i).match = match;
+  }
+
+  /// Calls f(index) for the up to eight neighbours of node i.
+  template <typename F>
+  void ForNeighbours(int i, const F& f) const {
+    const int x = i % cols_, y = i / cols_;
+    for (int dy = -1; dy <= 1; ++dy) {
+      for (int dx = -1; dx <= 1; ++dx) {
+        if ((dx == 0 && dy == 0) || x + dx < 0 || y + dy < 0 || x + dx >= cols_ || y + dy >= rows_) continue;
+        f(i + dy * cols_ + dx);
+      }
+    }
+  }
+
+  int BestNeighbour(int i) const {
+    int best = -1;
+    ForNeighbours(i, [&](int j) {
+      if (Matched(j) && (best < 0 || At(j).match.zncc > At(best).match.zncc)) best = j;
+    });
+    return best;
+  }
+
+  SubsetWarp Extrapolate(int from, int to) const {
+    SubsetWarp warp = At(from).match.warp;
+    warp.position_px = warp((Pixel(to) - Pixel(from)).cast<double>());
+    return warp;
+  }
+
+  /// Least-squares change of the neighbours' warp gradients with position; zero where too few agree.
+  Eigen::Matrix<double, 2, 3> CurvatureAround(int i) const {
+    const int reach = options_.curvature_reach;
+    const int cx = i % cols_, cy = i / cols_;
+    Eigen::Matrix2d moments = Eigen::Matrix2d::Zero();
+    std::array<Eigen::Matrix2d, 2> slopes{Eigen::Matrix2d::Zero(), Eigen::Matrix2d::Zero()};
+    int count = 0;
+    for (int y = std::max(0, cy - reach); y <= std::min(rows_ - 1, cy + reach); ++y) {
+      for (int x = std::max(0, cx - reach); x <= std::min(cols_ - 1, cx + reach); ++x) {
+        const int j = y * cols_ + x;
+        if (j == i || !Matched(j)) continue;
+        const Eigen::Vector2d d = (Pixel(j) - Pixel(i)).cast<double>();
+        const SubsetWarp& other = At(j).match.warp;
+        const SubsetWarp& own = At(i).match.warp;
+        // The trapezoid rule is exact for a quadratic warp; a match on another surface fails it.
+        const Eigen::Vector2d expected = own.position_px + 0.5 * (own.gradient + other.gradient) * d;
+        if ((expected - other.position_px).norm() > options_.agreement_px) continue;
+        moments += d * d.transpose();
+        for (int axis = 0; axis < 2; ++axis) {
+          slopes[static_cast<std::size_t>(axis)] += d[axis] * (other.gradient - own.gradient);
+        }
+        ++count;
+      }
+    }
+    Eigen::Matrix<double, 2, 3> curvature = Eigen::Matrix<double, 2, 3>::Zero();
+    const int full = (2 * reach + 1) * (2 * reach + 1) - 1;
+    if (3 * count < full || !(moments.determinant() > 0.02 * moments.trace() * moments.trace())) return curvature;
+    const Eigen::Matrix2d inverse = moments.inverse();
+    const Eigen::Matrix2d by_x = inverse(0, 0) * slopes[0] + inverse(0, 1) * slopes[1];
+    const Eigen::Matrix2d by_y = inverse(1, 0) * slopes[0] + inverse(1, 1) * slopes[1];
+    curvature.col(0) = by_x.col(0);
+    curvature.col(1) = 0.5 * (by_x.col(1) + by_y.col(0));
+    curvature.col(2) = by_y.col(1);
+    return curvature;
+  }
+
+  bool NeighboursAgree(int i) const {
+    int matched = 0, agreeing = 0;
+    ForNeighbours(i, [&](int j) {
+      if (!Matched(j)) return;
+      ++matched;
+      const Eigen::Vector2d off = At(j).match.warp.position_px - Extrapolate(i, j).position_px;
+      agreeing += off.norm() < options_.agreement_px ? 1 : 0;
+    });
+    return agreeing >= options_.min_agreeing && 2 * agreeing >= matched;
+  }
+
+  std::optional<SubsetWarp> StartFromDisparity(const Rectification& rectification, const ImageF& disparity,
+                                               const Eigen::Vector2i& pixel) const {
+    const RectifiedView& view = rectification.left;
+    const Eigen::Vector2d raw = pixel.cast<double>();
+    const Eigen::Vector2d centre = RectifiedFromRaw(rectification, view, raw);
+    if (!centre.allFinite()) return {};
+    const auto local = FitDisparity(disparity, centre, options_.plane_radius_px);
+    if (!local) return {};
+    const auto map = [&](const Eigen::Vector2d& left_px) {
+      const Eigen::Vector2d rect = RectifiedFromRaw(rectification, view, left_px);
+      const double d = local->value + local->slope_x * (rect.x() - centre.x()) +
+                       local->slope_y * (rect.y() - centre.y());
+      return LookUpRaw(rectification.right, rect - Eigen::Vector2d(d, 0));
+    };
+    constexpr double kStep = 4;
+    SubsetWarp warp;
+    warp.position_px = map(raw);
+    warp.gradient.col(0) = (map(raw + Eigen::Vector2d(kStep, 0)) - warp.position_px) / kStep;
+    warp.gradient.col(1) = (map(raw + Eigen::Vector2d(0, kStep)) - warp.position_px) / kStep;
+    if (!warp.position_px.allFinite() || !warp.gradient.allFinite()) return {};
+    return warp;
+  }
+
+  const PreparedImage& left_;
+  const PreparedImage& right_;
+  const ImageU8& mask_;
+  const GridOptions& options_;
+  const SubsetOptions& subset_;
+  int cols_, rows_;
+  std::vector<Node> nodes_;
+};
+
+}  // namespace
+
+GridMatches MatchOnGrid(const PreparedImage& left, const PreparedImage& right, const ImageU8& mask,
+                        const Rectification& rectification, const ImageF& disparity,
+                        const GridOptions& grid, const SubsetOptions& subset) {
+  Require(grid.step_px >= 1 && grid.plane_radius_px >= 1, "grid step_px and plane_radius_px must be at least 1");
+  Grid nodes(left, right, mask, grid, subset);
+  nodes.MatchFromDisparity(rectification, disparity);
+  for (int round = 0; round < grid.max_rounds && nodes.Grow(); ++round) {
+  }
+  if (grid.curvature_reach > 0) nodes.AddCurvature();
+  return nodes.Collect();
+}
+
+}  // namespace sole::recon

@@ -1,0 +1,135 @@
+#include "recon/reconstruct.h"
+
+#include <chrono>
+#include <optional>
+
+#include <tbb/parallel_for.h>
+
+#include "core/error.h"
+
+namespace sole::recon {
+
+struct Reconstructor::State {
+  Rig rig;
+  ReconstructOptions options;
+  std::vector<Rectification> rectifications;  ///< per pair
+};
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double SecondsSince(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+/// Grey levels and lit region of one camera's image.
+struct Side {
+  Foreground foreground;
+  PreparedImage prepared;
+  std::string problem;
+};
+
+Side PrepareSide(const Camera& camera, const std::optional<ImageU8>& image, bool is_left,
+                 const ForegroundOptions& options) {
+  Side side;
+  if (!image) {
+    side.problem = "no image from camera " + camera.serial;
+    return side;
+  }
+  side.foreground = FindForeground(*image, options);
+  if (!side.foreground.problem.empty()) {
+    side.problem = "image of camera " + camera.serial + " is " + side.foreground.problem;
+    return side;
+  }
+  side.prepared = Prepare(*image, is_left);
+  return side;
+}
+
+void CheckFrame(const Rig& rig, const FrameSet& frame) {
+  Require(frame.images.size() == rig.cameras.size(),
+          "trigger " + std::to_string(frame.trigger) + " has " + std::to_string(frame.images.size()) +
+              " images, the calibration " + std::to_string(rig.cameras.size()) +
+              " cameras: calibrate this rig");
+  for (std::size_t i = 0; i < rig.cameras.size(); ++i) {
+    if (!frame.images[i]) continue;
+    const ImageU8& image = *frame.images[i];
+    const Camera& camera = rig.cameras[i];
+    const auto pixels = static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
+    Require(image.width == camera.width && image.height == camera.height && image.pixels.size() == pixels,
+            "trigger " + std::to_string(frame.trigger) + ": image of camera " + camera.serial + " is " +
+                std::to_string(image.width) + " x " + std::to_string(image.height) +
+                ", the calibration says " + std::to_string(camera.width) + " x " +
+                std::to_string(camera.height) + ": calibrate this rig");
+  }
+}
+
+}  // namespace
+
+Reconstructor::Reconstructor(const Rig& rig, const ReconstructOptions& options) {
+  Require(!rig.pairs.empty(), "the rig has no stereo pairs: add a [[pair]] to the rig file");
+  Require(rig.pairs.size() <= 255, "the rig has more than 255 stereo pairs");
+  auto state = std::make_unique<State>(State{rig, options, {}});
+  state->options.rectify.volume = options.volume;
+  state->options.triangulate.volume = options.volume;
+  for (const StereoPair& pair : rig.pairs) {
+    state->rectifications.push_back(Rectify(rig, pair, state->options.rectify));
+  }
+  state_ = std::move(state);
+}
+
+Reconstructor::~Reconstructor() = default;
+Reconstructor::Reconstructor(Reconstructor&&) noexcept = default;
+Reconstructor& Reconstructor::operator=(Reconstructor&&) noexcept = default;
+
+FrameReconstruction Reconstructor::Reconstruct(const FrameSet& frame) const {
+  const auto start = Clock::now();
+  const auto& [rig, options, rectifications] = *state_;
+  CheckFrame(rig, frame);
+  FrameReconstruction result;
+  std::vector<PairPoint> points;
+  for (std::size_t i = 0; i < rig.pairs.size(); ++i) {
+    const auto pair_start = Clock::now();
+    const auto left = static_cast<std::size_t>(rig.pairs[i].left);
+    const auto right = static_cast<std::size_t>(rig.pairs[i].right);
+    PairStats& stats = result.pairs.emplace_back();
+    stats.name = rig.pairs[i].name;
+    if (frame.kind != ExposureKind::kSpeckle) {
+      stats.skipped = "texture exposure: only speckle exposures are matched";
+      continue;
+    }
+    const Side left_side = PrepareSide(rig.cameras[left], frame.images[left], true, options.foreground);
+    const Side right_side = PrepareSide(rig.cameras[right], frame.images[right], false, options.foreground);
+    stats.skipped = left_side.problem.empty() ? right_side.problem : left_side.problem;
+    if (!stats.skipped.empty()) continue;
+    const ImageF disparity =
+        InitialDisparity(*frame.images[left], *frame.images[right], rectifications[i], options.match);
+    const GridMatches grid = MatchOnGrid(left_side.prepared, right_side.prepared, left_side.foreground.mask,
+                                         rectifications[i], disparity, options.grid, options.subset);
+    stats.tried = grid.tried;
+    stats.matched = static_cast<int>(grid.matches.size());
+    for (const PixelMatch& match : grid.matches) stats.mean_zncc += match.match.zncc / stats.matched;
+    Triangulation triangulation = Triangulate(rig, static_cast<int>(i), grid.matches, *frame.images[left],
+                                              options.triangulate);
+    stats.kept = static_cast<int>(triangulation.points.size());
+    stats.median_gap_px = triangulation.median_gap_px;
+    points.insert(points.end(), triangulation.points.begin(), triangulation.points.end());
+    if (stats.kept < options.min_matches) {
+      stats.skipped = "no foot in view: " + std::to_string(stats.matched) + " matches, " +
+                      std::to_string(stats.kept) + " of them in the capture volume";
+    }
+    stats.seconds = SecondsSince(pair_start);
+  }
+  FusedClouds fused = Fuse(points, static_cast<int>(rig.pairs.size()), options.fuse);
+  for (std::size_t i = 0; i < rig.pairs.size(); ++i) {
+    PairStats& stats = result.pairs[i];
+    stats.in_cloud = fused.foot_points[i];
+    if (stats.skipped.empty() && fused.cloud.Size() == 0) stats.skipped = "no foot in view";
+  }
+  result.cloud = std::move(fused.cloud);
+  result.platform = std::move(fused.platform);
+  result.seconds = SecondsSince(start);
+  return result;
+}
+
+}  // namespace sole::recon

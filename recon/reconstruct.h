@@ -1,0 +1,69 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/frame_set.h"
+#include "core/point_cloud.h"
+#include "core/rig.h"
+#include "recon/fuse.h"
+#include "recon/grid_match.h"
+#include "recon/match.h"
+#include "recon/rectify.h"
+#include "recon/subset.h"
+#include "recon/triangulate.h"
+
+namespace sole::recon {
+
+struct ReconstructOptions {
+  CaptureVolume volume = {};          ///< takes the place of the volumes in rectify and triangulate
+  RectifyOptions rectify = {};
+  ForegroundOptions foreground = {};
+  MatchOptions match = {};
+  GridOptions grid = {};
+  SubsetOptions subset = {};
+  TriangulateOptions triangulate = {};
+  FuseOptions fuse = {};
+  int min_matches = 200;         ///< a pair with fewer sees no foot
+};
+
+/// What became of one stereo pair in one frame.
+struct PairStats {
+  std::string name;
+  int tried = 0;                 ///< lit points of the left image's grid
+  int matched = 0;               ///< sub-pixel matches that passed every gate in the images
+  int kept = 0;                  ///< triangulated points that passed every gate in space
+  int in_cloud = 0;              ///< merged points of the foot that come mainly from this pair
+  double mean_zncc = 0;
+  double median_gap_px = 0;      ///< signed distance between the rays; a hint of a drifted calibration
+  double seconds = 0;
+  std::string skipped;           ///< why the pair gave nothing; empty if it did
+};
+
+struct FrameReconstruction {
+  PointCloud cloud;              ///< the foot, world frame; empty where there is none
+  PointCloud platform;           ///< marks and dust on the glass top
+  std::vector<PairStats> pairs;  ///< rig order
+  double seconds = 0;
+};
+
+/// Turns frames of one rig into point clouds. Keeps the rectification maps; Reconstruct may be called from several threads.
+class Reconstructor {
+ public:
+  /// Throws Error if the rig has no pairs or a pair cannot be rectified.
+  explicit Reconstructor(const Rig& rig, const ReconstructOptions& options = {});
+  ~Reconstructor();
+  Reconstructor(Reconstructor&&) noexcept;
+  Reconstructor& operator=(Reconstructor&&) noexcept;
+
+  /// Missing, dark, saturated or foot-less images give a reason in `pairs`, never an exception. Throws
+  /// Error if an image's size or the number of images contradicts the rig.
+  FrameReconstruction Reconstruct(const FrameSet& frame) const;
+
+ private:
+  struct State;
+  std::unique_ptr<const State> state_;
+};
+
+}  // namespace sole::recon

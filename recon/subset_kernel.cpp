@@ -1,0 +1,168 @@
+#include <algorithm>
+#include <cmath>
+
+#include "recon/subset_kernel_internal.h"
+
+namespace sole::recon {
+
+void FillWindow(const ImageF& grey, const ImageF& gradient_x, const ImageF& gradient_y,
+                const ImageU8* mask, int x, int y, int radius, SubsetWindow& window) {
+  window.radius = radius;
+  window.stride = (2 * radius + 1 + 3) / 4 * 4;
+  const int size = window.Rows();
+  for (int i = 0; i < window.stride; ++i) {
+    window.offset[static_cast<std::size_t>(i)] = i < size ? static_cast<float>(i - radius) : 0.0F;
+  }
+  float sum = 0, count = 0;
+  for (int j = 0; j < size; ++j) {
+    const auto at = static_cast<std::size_t>(j * window.stride);
+    for (int i = 0; i < window.stride; ++i) {
+      const std::size_t k = at + static_cast<std::size_t>(i);
+      const bool in = i < size && (!mask || mask->At(x - radius + i, y - radius + j) != 0);
+      window.weight[k] = in ? 1.0F : 0.0F;
+      window.grey[k] = in ? grey.At(x - radius + i, y - radius + j) : 0.0F;
+      window.gradient_x[k] = in ? gradient_x.At(x - radius + i, y - radius + j) : 0.0F;
+      window.gradient_y[k] = in ? gradient_y.At(x - radius + i, y - radius + j) : 0.0F;
+      sum += window.grey[k];
+      count += window.weight[k];
+    }
+  }
+  window.count = count;
+  const float mean = sum / std::max(count, 1.0F);
+  float squares = 0;
+  for (int k = 0; k < size * window.stride; ++k) {
+    const auto i = static_cast<std::size_t>(k);
+    window.grey[i] = (window.grey[i] - mean) * window.weight[i];
+    squares += window.grey[i] * window.grey[i];
+  }
+  window.norm = std::sqrt(squares);
+}
+
+std::array<double, 36> NormalMatrix(const SubsetWindow& window) {
+  // Sums of {gx gx, gx gy, gy gy} times {1, x, y, x x, x y, y y}.
+  std::array<std::array<double, 6>, 3> sums{};
+  for (int j = 0; j < window.Rows(); ++j) {
+    std::array<std::array<Float4, 3>, 3> row{};
+    for (int i = 0; i < window.stride; i += 4) {
+      const auto k = static_cast<std::size_t>(j * window.stride + i);
+      const Float4 gx = Load4(&window.gradient_x[k]), gy = Load4(&window.gradient_y[k]);
+      const Float4 x = Load4(&window.offset[static_cast<std::size_t>(i)]);
+      const std::array<Float4, 3> product{gx * gx, gx * gy, gy * gy};
+      for (std::size_t p = 0; p < 3; ++p) {
+        row[p][0] += product[p];
+        row[p][1] += product[p] * x;
+        row[p][2] += product[p] * x * x;
+      }
+    }
+    const double y = j - window.radius;
+    for (std::size_t p = 0; p < 3; ++p) {
+      const double one = static_cast<double>(Sum4(row[p][0])), x = static_cast<double>(Sum4(row[p][1]));
+      sums[p][0] += one;
+      sums[p][1] += x;
+      sums[p][2] += one * y;
+      sums[p][3] += static_cast<double>(Sum4(row[p][2]));
+      sums[p][4] += x * y;
+      sums[p][5] += one * y * y;
+    }
+  }
+  constexpr std::array<std::array<std::size_t, 3>, 3> kMoment{{{0, 1, 2}, {1, 3, 4}, {2, 4, 5}}};
+  std::array<double, 36> matrix{};
+  for (std::size_t a = 0; a < 6; ++a) {
+    for (std::size_t b = 0; b < 6; ++b) {
+      matrix[a * 6 + b] = sums[a / 3 + b / 3][kMoment[a % 3][b % 3]];
+    }
+  }
+  return matrix;
+}
+
+namespace {
+
+/// Largest distance of a warped window pixel from the warped centre along one axis.
+double Reach(const std::array<double, 6>& c, double r) {
+  return r * (std::abs(c[1]) + std::abs(c[2])) + r * r * (std::abs(c[3]) + std::abs(c[4]) + std::abs(c[5]));
+}
+
+/// Reads the right image's grey levels under the warp into `values`. False if the window leaves the image.
+bool Sample(const SubsetWindow& window, const ImageF& coefficients, const WarpPolynomial& warp,
+            float* values) {
+  constexpr int kMargin = 64;  // keeps positions relative to the base positive, and floats good to 1e-5 px
+  const double reach_x = Reach(warp[0], window.radius), reach_y = Reach(warp[1], window.radius);
+  const double x0 = warp[0][0], y0 = warp[1][0];
+  if (!(std::max(reach_x, reach_y) < kMargin - 1 && x0 - reach_x >= 2 && y0 - reach_y >= 2 &&
+        x0 + reach_x <= coefficients.width - 4 && y0 + reach_y <= coefficients.height - 4)) {
+    return false;
+  }
+  const int base_x = static_cast<int>(x0) - kMargin, base_y = static_cast<int>(y0) - kMargin;
+  const float* data = coefficients.pixels.data();
+  const int size = window.Rows();
+  for (int j = 0; j < size; ++j) {
+    const double dy = j - window.radius;
+    std::array<std::array<float, 3>, 2> row{};  // polynomial of x in this row
+    for (std::size_t axis = 0; axis < 2; ++axis) {
+      const std::array<double, 6>& c = warp[axis];
+      const int base = axis == 0 ? base_x : base_y;
+      row[axis] = {static_cast<float>(c[0] - base + dy * (c[2] + dy * c[5])),
+                   static_cast<float>(c[1] + dy * c[4]), static_cast<float>(c[3])};
+    }
+    float* out = values + static_cast<std::ptrdiff_t>(j) * window.stride;
+    for (int i = 0; i < size; ++i) {
+      const float dx = window.offset[static_cast<std::size_t>(i)];
+      const float x = row[0][0] + dx * (row[0][1] + dx * row[0][2]);
+      const float y = row[1][0] + dx * (row[1][1] + dx * row[1][2]);
+      out[i] = SplineAt(data, coefficients.width, base_x, base_y, x, y);
+    }
+    for (int i = size; i < window.stride; ++i) out[i] = 0;
+  }
+  return true;
+}
+
+}  // namespace
+
+SubsetComparison Compare(const SubsetWindow& window, const ImageF& coefficients,
+                         const WarpPolynomial& warp) {
+  SubsetComparison result;
+  alignas(16) std::array<float, kMaxStride * kMaxStride> values;
+  if (!Sample(window, coefficients, warp, values.data())) return result;
+  result.inside = true;
+  const auto total = static_cast<std::size_t>(window.Rows() * window.stride);
+  Float4 sum{};
+  for (std::size_t k = 0; k < total; k += 4) sum += Load4(&values[k]) * Load4(&window.weight[k]);
+  const float mean = Sum4(sum) / window.count;
+  Float4 squares{}, product{};
+  for (std::size_t k = 0; k < total; k += 4) {
+    const Float4 v = (Load4(&values[k]) - mean) * Load4(&window.weight[k]);
+    Store4(&values[k], v);
+    squares += v * v;
+    product += v * Load4(&window.grey[k]);
+  }
+  const float norm = std::sqrt(Sum4(squares));
+  if (!(norm > 0) || !(window.norm > 0)) return result;
+  result.zncc = static_cast<double>(Sum4(product)) / (static_cast<double>(norm) * static_cast<double>(window.norm));
+  const float scale = window.norm / norm;
+  Float4 residual2{};
+  for (int j = 0; j < window.Rows(); ++j) {
+    std::array<Float4, 4> row{};
+    for (int i = 0; i < window.stride; i += 4) {
+      const auto k = static_cast<std::size_t>(j * window.stride + i);
+      const Float4 residual = Load4(&window.grey[k]) - Load4(&values[k]) * scale;
+      const Float4 gx = Load4(&window.gradient_x[k]) * residual, gy = Load4(&window.gradient_y[k]) * residual;
+      const Float4 x = Load4(&window.offset[static_cast<std::size_t>(i)]);
+      residual2 += residual * residual;
+      row[0] += gx;
+      row[1] += gx * x;
+      row[2] += gy;
+      row[3] += gy * x;
+    }
+    const double y = j - window.radius;
+    for (std::size_t axis = 0; axis < 2; ++axis) {
+      const auto one = static_cast<double>(Sum4(row[2 * axis]));
+      result.gradient[3 * axis] += one;
+      result.gradient[3 * axis + 1] += static_cast<double>(Sum4(row[2 * axis + 1]));
+      result.gradient[3 * axis + 2] += one * y;
+    }
+  }
+  result.squared_residual = static_cast<double>(Sum4(residual2));
+  return result;
+}
+
+}  // namespace sole::recon
