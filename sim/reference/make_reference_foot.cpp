@@ -24,7 +24,7 @@ using namespace sole;
 using namespace sole::sim;
 using Eigen::Vector3d;
 
-constexpr double kCell = 0.0011;
+constexpr double kCell = 0.0008;
 constexpr double kToeEdge = 0.00082, kNailEdge = 0.0006, kBodyEdge = 0.0019, kSoleEdge = 0.0016;
 
 /// Angles that fan the toes.
@@ -99,11 +99,28 @@ std::function<double(const Vector3d&)> BlockedField(const ImplicitFoot& foot) {
   };
 }
 
+/// Spreads the vertices evenly again where bringing the toes back crowded them.
+void EvenOut(const ImplicitFoot& foot, const std::vector<SkinKind>& kinds, const std::vector<std::uint8_t>& charts,
+             TriangleMesh& mesh) {
+  const auto neighbours = VertexNeighbours(mesh.vertices.size(), mesh.triangles);
+  for (int pass = 0; pass < 12; ++pass) {
+    std::vector<Vector3d> moved = mesh.vertices;
+    for (std::size_t v = 0; v < moved.size(); ++v) {
+      if (kinds[v] != SkinKind::kSkin || moved[v].y() < 0.17) continue;
+      Vector3d mean = Vector3d::Zero();
+      for (const int n : neighbours[v]) mean += mesh.vertices[static_cast<std::size_t>(n)];
+      moved[v] += 0.3 * (mean / static_cast<double>(neighbours[v].size()) - moved[v]);
+    }
+    mesh.vertices = std::move(moved);
+    ProjectAllToSkin(foot, kinds, charts, mesh.vertices);
+  }
+}
+
 void Run(const std::string& path) {
   const AnatomyTable& mean = MeanAdultTable();
-  const std::vector<Rigid3> motions = BoneMotions(mean, Spread(7));
+  const std::vector<Rigid3> motions = BoneMotions(mean, Spread(3));
   AnatomyTable open = MovedTable(mean, motions);
-  open.toe_clearance = 0.0006;
+  open.toe_clearance = 0.0009;
   const ImplicitFoot foot(open);
   const Vector3d low(-0.075, -0.02, -0.008), high(0.075, 0.275, mean.cut_point.z());
   LabelledMesh mesh = MarchTetrahedra(BlockedField(foot), low, high, kCell);
@@ -132,7 +149,9 @@ void Run(const std::string& path) {
   for (std::size_t v = 0; v < kinds.size(); ++v) {
     if (skin[v] && kinds[v] == SkinKind::kCap) kinds[v] = SkinKind::kRim;
   }
-  ProjectAllToSkin(ImplicitFoot(mean), kinds, charts, result.vertices);
+  const ImplicitFoot closed(mean);
+  ProjectAllToSkin(closed, kinds, charts, result.vertices);
+  EvenOut(closed, kinds, charts, result);
   const std::string bytes = EncodeReference(Sorted(result));
   std::ofstream(path, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
   std::printf("%zu vertices, %zu triangles, %zu bytes\n", result.vertices.size(), result.triangles.size(), bytes.size());
