@@ -1,9 +1,4 @@
 // Aravis' own fake GigE Vision camera as a foreign device: no line input, other features than ours, ids that wrap.
-#include <chrono>
-#include <filesystem>
-#include <memory>
-#include <thread>
-
 #include <arv.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -14,17 +9,17 @@
 #include "capture/rig_check.h"
 #include "core/error.h"
 #include "io/take.h"
-#include "tests/capture/scratch_directory.h"
+#include "tests/support/error_matcher.h"
+#include "tests/support/temp_dir.h"
 
 namespace sole::capture {
 namespace {
 
 using ::testing::AllOf;
-using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-using ::testing::Property;
-using ::testing::Throws;
+using testing_support::ErrorOf;
+using testing_support::TempDir;
 
 class FakeCameraTest : public ::testing::Test {
  protected:
@@ -55,7 +50,7 @@ class FakeCameraTest : public ::testing::Test {
 };
 
 TEST_F(FakeCameraTest, RecordsWithSoftwareTrigger) {
-  const ScratchDirectory scratch;
+  const TempDir scratch;
   RecordOptions options;
   options.directory = scratch.Path() / "take";
   options.triggers = 4;
@@ -87,20 +82,18 @@ TEST_F(FakeCameraTest, IsListed) {
 
 TEST_F(FakeCameraTest, SecondControllerIsTold) {
   const Camera first(config.cameras[0]);
-  EXPECT_THAT([&] { Camera second(config.cameras[0]); },
-              Throws<Error>(Property(&Error::what, AllOf(HasSubstr("FOREIGN1"), HasSubstr("another program")))));
+  EXPECT_THAT(ErrorOf([&] { Camera second(config.cameras[0]); }), AllOf(HasSubstr("FOREIGN1"), HasSubstr("another program")));
 }
 
 TEST_F(FakeCameraTest, MissingLineIsNamedAsTheSetting) {
   Camera camera(config.cameras[0]);
-  EXPECT_THAT([&] { camera.Configure("Line1"); },
-              Throws<Error>(Property(&Error::what, AllOf(HasSubstr("FOREIGN1"), HasSubstr("TriggerSource")))));
+  EXPECT_THAT(ErrorOf([&] { camera.Configure("Line1"); }), AllOf(HasSubstr("FOREIGN1"), HasSubstr("TriggerSource")));
 }
 
 TEST_F(FakeCameraTest, WrongSerialAtTheAddressIsNamed) {
   config.cameras[0].serial = "FOREIGN2";
-  EXPECT_THAT([&] { Camera camera(config.cameras[0]); },
-              Throws<Error>(Property(&Error::what, AllOf(HasSubstr("FOREIGN2"), HasSubstr("is FOREIGN1")))));
+  EXPECT_THAT(ErrorOf([&] { Camera camera(config.cameras[0]); }),
+              AllOf(HasSubstr("FOREIGN2"), HasSubstr("is FOREIGN1")));
 }
 
 }  // namespace

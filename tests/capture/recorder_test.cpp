@@ -1,9 +1,6 @@
 #include "capture/recorder.h"
 
-#include <csignal>
 #include <fstream>
-
-#include <sys/resource.h>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -12,8 +9,10 @@
 #include "core/error.h"
 #include "io/raw_file.h"
 #include "io/take.h"
-#include "tests/capture/scratch_directory.h"
 #include "tests/capture/simulated_rig.h"
+#include "tests/support/error_matcher.h"
+#include "tests/support/file_size_limit.h"
+#include "tests/support/temp_dir.h"
 
 namespace sole::capture {
 namespace {
@@ -23,17 +22,13 @@ using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-using ::testing::Property;
-using ::testing::Throws;
+using testing_support::ErrorOf;
+using testing_support::FileSizeLimit;
+using testing_support::TempDir;
 
 namespace fs = std::filesystem;
 
-template <typename... Parts>
-auto ThrowsError(Parts... parts) {
-  return Throws<Error>(Property(&Error::what, AllOf(HasSubstr(parts)...)));
-}
-
-RecordOptions OptionsFor(const ScratchDirectory& scratch, std::int64_t triggers) {
+RecordOptions OptionsFor(const TempDir& scratch, std::int64_t triggers) {
   RecordOptions options;
   options.directory = scratch.Path() / "take";
   options.subject = "P07";
@@ -61,7 +56,7 @@ int ExpectImagesUnderTheirTriggers(const fs::path& directory) {
 
 TEST(Record, StoresEveryImageUnderItsTrigger) {
   SimulatedRig rig(81, 4);
-  const ScratchDirectory scratch;
+  const TempDir scratch;
   RecordOptions options = OptionsFor(scratch, 10);
   options.cycle = {ExposureKind::kSpeckle, ExposureKind::kSpeckle, ExposureKind::kTexture};
   RecordProgress last;
@@ -103,7 +98,7 @@ TEST(Record, StoresEveryImageUnderItsTrigger) {
 
 TEST(Record, FrameIdsMayWrapDuringTheTake) {
   SimulatedRig rig(82, 2, {.first_frame_id = 65531});
-  const ScratchDirectory scratch;
+  const TempDir scratch;
   const RecordOptions options = OptionsFor(scratch, 10);
   const RecordResult result = Record(rig.config, options);
   EXPECT_EQ(result.verdict, "good") << ::testing::PrintToString(result.reasons);
@@ -117,7 +112,7 @@ TEST(Record, FrameIdsMayWrapDuringTheTake) {
 TEST(Record, LostPacketsAreSentAgain) {
   SimulatedRig rig(83, 2, {.faults = {{.packet_drop_probability = 0.02}, {.packet_drop_probability = 0.02}}});
   for (CameraConfig& camera : rig.config.cameras) camera.packet_size = 1500;
-  const ScratchDirectory scratch;
+  const TempDir scratch;
   const RecordOptions options = OptionsFor(scratch, 30);
   const RecordResult result = Record(rig.config, options);
   EXPECT_GT(result.cameras[0].resent_packets + result.cameras[1].resent_packets, 0u);
@@ -127,7 +122,7 @@ TEST(Record, LostPacketsAreSentAgain) {
 
 TEST(Record, SkippedFrameIdDoesNotShiftImages) {
   SimulatedRig rig(84, 2, {.faults = {{}, {.skip_frame_id_after = 7}}});
-  const ScratchDirectory scratch;
+  const TempDir scratch;
   const RecordOptions options = OptionsFor(scratch, 10);
   const RecordResult result = Record(rig.config, options);
   EXPECT_EQ(ExpectImagesUnderTheirTriggers(options.directory), 20);
@@ -139,7 +134,7 @@ TEST(Record, SkippedFrameIdDoesNotShiftImages) {
 
 TEST(Record, CameraThatDiesIsCountedAndTheVerdictIsRepeat) {
   SimulatedRig rig(85, 2);
-  const ScratchDirectory scratch;
+  const TempDir scratch;
   RecordOptions options = OptionsFor(scratch, 24);
   std::vector<std::string> lines;
   std::mutex mutex;
@@ -163,7 +158,7 @@ TEST(Record, CameraThatDiesIsCountedAndTheVerdictIsRepeat) {
 
 TEST(Record, StopLeavesAReadableTake) {
   SimulatedRig rig(86, 2);
-  const ScratchDirectory scratch;
+  const TempDir scratch;
   RecordOptions options = OptionsFor(scratch, 1000);
   std::atomic<bool> stop{false};
   options.stop = &stop;
@@ -180,7 +175,7 @@ TEST(Record, StopLeavesAReadableTake) {
 
 TEST(Record, TakeInProgressIsReadable) {
   SimulatedRig rig(87, 2);
-  const ScratchDirectory scratch;
+  const TempDir scratch;
   RecordOptions options = OptionsFor(scratch, 40);
   int images_meanwhile = 0;
   options.progress = [&](const RecordProgress& progress) {
@@ -199,39 +194,42 @@ TEST(Record, MissingCameraIsNamedAndLeavesNothing) {
   missing.serial = "T88C9";
   missing.address = "127.0.88.99";
   rig.config.cameras.push_back(missing);
-  const ScratchDirectory scratch;
+  const TempDir scratch;
   const RecordOptions options = OptionsFor(scratch, 10);
-  EXPECT_THAT([&] { Record(rig.config, options); },
-              ThrowsError("camera T88C9 not found at 127.0.88.99", "T88C1 at 127.0.88.11", "sole sim serve"));
+  EXPECT_THAT(ErrorOf([&] { Record(rig.config, options); }),
+              AllOf(HasSubstr("camera T88C9 not found at 127.0.88.99"), HasSubstr("T88C1 at 127.0.88.11"), HasSubstr("sole sim serve")));
   EXPECT_FALSE(fs::exists(options.directory));
 }
 
 TEST(Record, CameraOfAnotherProgramIsNamed) {
   SimulatedRig rig(89, 2);
   const Camera other(rig.config.cameras[1]);
-  const ScratchDirectory scratch;
+  const TempDir scratch;
   const RecordOptions options = OptionsFor(scratch, 10);
-  EXPECT_THAT([&] { Record(rig.config, options); }, ThrowsError("T89C2", "127.0.89.12", "another program"));
+  EXPECT_THAT(ErrorOf([&] { Record(rig.config, options); }),
+              AllOf(HasSubstr("T89C2"), HasSubstr("127.0.89.12"), HasSubstr("another program")));
   EXPECT_FALSE(fs::exists(options.directory));
 }
 
 TEST(Record, SilentTriggerIsNamed) {
   SimulatedRig rig(90, 2);
   rig.config.trigger.bus_port = 1;  // nobody listens
-  const ScratchDirectory scratch;
+  const TempDir scratch;
   RecordOptions options = OptionsFor(scratch, 10);
   options.warmup_attempts = 1;
-  EXPECT_THAT([&] { Record(rig.config, options); }, ThrowsError("T90C1", "does not answer", "bus_port 1"));
+  EXPECT_THAT(ErrorOf([&] { Record(rig.config, options); }),
+              AllOf(HasSubstr("T90C1"), HasSubstr("does not answer"), HasSubstr("bus_port 1")));
   EXPECT_FALSE(fs::exists(options.directory));
 }
 
 TEST(Record, ExistingTakeIsNotTouched) {
   const RigConfig config = MakeDefaultRig(4, 320, 240);
-  const ScratchDirectory scratch;
+  const TempDir scratch;
   const RecordOptions options = OptionsFor(scratch, 10);
   fs::create_directory(options.directory);
   std::ofstream(options.directory / "take.json") << "precious";
-  EXPECT_THAT([&] { Record(config, options); }, ThrowsError(options.directory.string().c_str(), "not empty"));
+  EXPECT_THAT(ErrorOf([&] { Record(config, options); }),
+              AllOf(HasSubstr(options.directory.string()), HasSubstr("not empty")));
   std::string content;
   std::ifstream(options.directory / "take.json") >> content;
   EXPECT_EQ(content, "precious");
@@ -240,42 +238,28 @@ TEST(Record, ExistingTakeIsNotTouched) {
 
 TEST(Record, TooLittleRoomIsToldBeforeAnything) {
   const RigConfig config = MakeDefaultRig(20);
-  const ScratchDirectory scratch;
+  const TempDir scratch;
   const RecordOptions options = OptionsFor(scratch, 100'000'000);
-  EXPECT_THAT([&] { Record(config, options); }, ThrowsError("too little room", "MB"));
+  EXPECT_THAT(ErrorOf([&] { Record(config, options); }),
+              AllOf(HasSubstr("too little room"), HasSubstr("MB")));
   EXPECT_FALSE(fs::exists(options.directory));
 }
 
 TEST(Record, PathThatCannotBeWrittenIsTold) {
-  const ScratchDirectory scratch;
+  const TempDir scratch;
   std::ofstream(scratch.Path() / "file") << "x";
   RecordOptions options = OptionsFor(scratch, 10);
   options.directory = scratch.Path() / "file" / "take";
-  EXPECT_THAT([&] { Record(MakeDefaultRig(4, 320, 240), options); }, ThrowsError("file/take"));
+  EXPECT_THAT(ErrorOf([&] { Record(MakeDefaultRig(4, 320, 240), options); }),
+              AllOf(HasSubstr("file/take")));
   options.directory = scratch.Path() / "file";
-  EXPECT_THAT([&] { Record(MakeDefaultRig(4, 320, 240), options); }, ThrowsError("is a file"));
+  EXPECT_THAT(ErrorOf([&] { Record(MakeDefaultRig(4, 320, 240), options); }),
+              AllOf(HasSubstr("is a file")));
 }
-
-/// Makes writes beyond a file size fail as on a full disk.
-class FileSizeLimit {
- public:
-  explicit FileSizeLimit(rlim_t bytes) {
-    signal(SIGXFSZ, SIG_IGN);
-    getrlimit(RLIMIT_FSIZE, &before_);
-    const rlimit limit{bytes, before_.rlim_max};
-    setrlimit(RLIMIT_FSIZE, &limit);
-  }
-  ~FileSizeLimit() { setrlimit(RLIMIT_FSIZE, &before_); }
-  FileSizeLimit(const FileSizeLimit&) = delete;
-  FileSizeLimit& operator=(const FileSizeLimit&) = delete;
-
- private:
-  rlimit before_{};
-};
 
 TEST(Record, FullDiskEndsTheTakeAndKeepsWhatWasStored) {
   SimulatedRig rig(91, 2);
-  const ScratchDirectory scratch;
+  const TempDir scratch;
   const RecordOptions options = OptionsFor(scratch, 100);
   RecordResult result;
   {
@@ -292,7 +276,7 @@ TEST(Record, FullDiskEndsTheTakeAndKeepsWhatWasStored) {
 }
 
 TEST(Record, ImpossibleOptionsAreRefused) {
-  const ScratchDirectory scratch;
+  const TempDir scratch;
   EXPECT_THROW(Record(MakeDefaultRig(), OptionsFor(scratch, 0)), Error);
   RecordOptions gpio = OptionsFor(scratch, 1);
   gpio.queue_frames = 0;
