@@ -83,7 +83,7 @@ struct Descriptor {
 
 }  // namespace
 
-/// Sockets of device i are numbered i; then come the bus, the two broadcast addresses, the timer
+/// Sockets of device i are numbered i; then come the bus, the broadcast address, the timer
 /// and the stop event.
 struct CameraServer::Impl {
   Impl(std::vector<ServedCamera> served, int bus_port, const FrameProvider& provider,
@@ -94,7 +94,7 @@ struct CameraServer::Impl {
   void Watch(int descriptor, std::size_t number);
   void OnReadable(std::size_t number);
   void OnControl(std::size_t camera);
-  void OnBroadcast(UdpSocket* socket);
+  void OnBroadcast();
   void OnBus();
   void OnTimer();
   void SetTimer();
@@ -104,9 +104,8 @@ struct CameraServer::Impl {
   std::vector<std::unique_ptr<CameraDevice>> devices;
   std::vector<std::unique_ptr<UdpSocket>> control;
   UdpSocket bus;
-  // Discovery goes to 255.255.255.255, on some systems to the network's broadcast address.
-  std::array<UdpSocket, 2> broadcast{UdpSocket({0xFFFFFFFF, kGvcpPort}, "camera discovery", true),
-                                     UdpSocket({0x7FFFFFFF, kGvcpPort}, "camera discovery", true)};
+  // Shared: every process with devices hears discovery and broadcast actions.
+  UdpSocket broadcast{{0xFFFFFFFF, kGvcpPort}, "camera discovery", true};
   Descriptor epoll{epoll_create1(EPOLL_CLOEXEC)};
   Descriptor timer{timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC)};
   Descriptor stop{eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)};
@@ -134,8 +133,7 @@ CameraServer::Impl::Impl(std::vector<ServedCamera> served, int bus_port,
     Watch(control[i]->Descriptor(), i);
   }
   std::size_t number = cameras.size();
-  for (const int descriptor : {bus.Descriptor(), broadcast[0].Descriptor(),
-                               broadcast[1].Descriptor(), timer.value, stop.value}) {
+  for (const int descriptor : {bus.Descriptor(), broadcast.Descriptor(), timer.value, stop.value}) {
     Watch(descriptor, number++);
   }
   thread = std::thread([this] { Run(); });
@@ -155,7 +153,7 @@ void CameraServer::Impl::Watch(int descriptor, std::size_t number) {
 }
 
 void CameraServer::Impl::Run() {
-  const std::size_t stop_number = cameras.size() + 4;
+  const std::size_t stop_number = cameras.size() + 3;
   std::array<epoll_event, 32> events{};
   for (;;) {
     const int count = epoll_wait(epoll.value, events.data(), static_cast<int>(events.size()), -1);
@@ -173,8 +171,8 @@ void CameraServer::Impl::OnReadable(std::size_t number) {
   const std::size_t n = cameras.size();
   if (number < n) OnControl(number);
   if (number == n) OnBus();
-  if (number == n + 1 || number == n + 2) OnBroadcast(&broadcast[number - n - 1]);
-  if (number == n + 3) OnTimer();
+  if (number == n + 1) OnBroadcast();
+  if (number == n + 2) OnTimer();
 }
 
 void CameraServer::Impl::OnControl(std::size_t camera) {
@@ -186,9 +184,9 @@ void CameraServer::Impl::OnControl(std::size_t camera) {
   }
 }
 
-void CameraServer::Impl::OnBroadcast(UdpSocket* socket) {
+void CameraServer::Impl::OnBroadcast() {
   Endpoint from;
-  while (const auto packet = socket->Receive(buffer, &from)) {
+  while (const auto packet = broadcast.Receive(buffer, &from)) {
     if (from.address >> 24 != 127) continue;  // Simulated cameras stay on this computer.
     for (std::size_t i = 0; i < devices.size(); ++i) {
       if (devices[i]->Sender().Dead()) continue;
@@ -210,6 +208,8 @@ void CameraServer::Impl::OnBus() {
 void CameraServer::Impl::OnTimer() {
   std::uint64_t expirations = 0;
   (void)!read(timer.value, &expirations, sizeof expirations);
+  // A heartbeat that waits in its socket counts, however late this thread is.
+  for (std::size_t i = 0; i < devices.size(); ++i) OnControl(i);
   const auto now = CameraDevice::Clock::now();
   for (const auto& device : devices) device->OnTimer(now);
 }

@@ -20,14 +20,15 @@ namespace {
 using testing::HasSubstr;
 
 TEST(CameraServer, IsDiscoveredByStockClient) {
-  const ServedRig rig(71, 3);
+  const ServedRig rig(71, 2);
+  const ServedRig other(76, 1);  // Two servers share the broadcasts.
   arv_update_device_list();
   std::map<std::string, std::string> address_of;
   std::map<std::string, std::string> id_of;
   std::set<std::string> physical;
   for (unsigned i = 0; i < arv_get_n_devices(); ++i) {
     const std::string serial = arv_get_device_serial_nbr(i);
-    if (!serial.starts_with("SRV71")) continue;
+    if (!serial.starts_with("SRV71") && !serial.starts_with("SRV76")) continue;
     address_of[serial] = arv_get_device_address(i);
     id_of[serial] = arv_get_device_id(i);
     physical.insert(arv_get_device_physical_id(i));
@@ -35,7 +36,7 @@ TEST(CameraServer, IsDiscoveredByStockClient) {
     EXPECT_STREQ(arv_get_device_model(i), "SimulatedCamera");
   }
   const std::map<std::string, std::string> expected = {
-      {"SRV71A", "127.0.71.1"}, {"SRV71B", "127.0.71.2"}, {"SRV71C", "127.0.71.3"}};
+      {"SRV71A", "127.0.71.1"}, {"SRV71B", "127.0.71.2"}, {"SRV76A", "127.0.76.1"}};
   EXPECT_EQ(address_of, expected);
   EXPECT_EQ(physical.size(), 3U);
 
