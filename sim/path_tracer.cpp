@@ -19,7 +19,26 @@ constexpr double kBackOff_m = 0.001;     // a ray behind the glass starts this m
 constexpr double kContact_m = 0.0001;
 constexpr float kGloss = 0.06f;
 
+Sample Bare(float radiance) {
+  Sample sample;
+  sample.extra = radiance;
+  return sample;
+}
+
 }  // namespace
+
+float PrintedAlbedo(const Renderer::State& renderer, int surface, const Eigen::Vector2d& print) {
+  if (surface <= FiducialSurface(0)) {
+    return AlbedoOnFiducial(renderer.fiducials[static_cast<std::size_t>(FiducialSurface(0) - surface)], print.x(), print.y());
+  }
+  const CharucoFace& board = renderer.target.faces[static_cast<std::size_t>(BoardSurface(0) - surface)];
+  const double half = 0.5 * renderer.target.edge_m;
+  if (std::abs(print.x() - 0.5 * board.squares_x * board.square_m) > half ||
+      std::abs(print.y() - 0.5 * board.squares_y * board.square_m) > half) {
+    return -1;
+  }
+  return AlbedoOnBoard(board, print.x(), print.y());
+}
 
 float PathTracer::LampGlare(const LightRay& ray) const {
   if (s_.exposure != ExposureKind::kSpeckle || !r_.options.reflections) return 0;
@@ -39,44 +58,56 @@ float PathTracer::Background(const LightRay& ray) const {
   return (ray.direction.z() > 0 ? kCeiling : kFloor) + LampGlare(ray);
 }
 
-float PathTracer::GlassMark(const Vector3d& point) const {
-  const TruePlate& plate = r_.rig.plate;
-  if (!s_.fiducials && !s_.dust) return -1;
-  float albedo = -1;
+Sample PathTracer::GlassMark(const Vector3d& point) const {
+  const Eigen::Vector2d place = point.head<2>();
+  Sample sample;
   if (s_.fiducials) {
-    for (const Fiducial& fiducial : r_.fiducials) {
-      albedo = AlbedoOnFiducial(fiducial, point.x(), point.y());
-      if (albedo >= 0) break;
+    for (std::size_t i = 0; i < r_.fiducials.size(); ++i) {
+      const float albedo = AlbedoOnFiducial(r_.fiducials[i], place.x(), place.y());
+      if (albedo < 0) continue;
+      sample.surface = FiducialSurface(static_cast<int>(i));
+      sample.albedo = albedo;
+      sample.print = place;
+      break;
     }
   }
-  if (s_.dust && albedo < 0) {
-    for (const int index : r_.dust_cells[DustCell(plate, point.x(), point.y())]) {
+  if (s_.dust && sample.surface == 0) {
+    for (const int index : r_.dust_cells[DustCell(r_.rig.plate, place.x(), place.y())]) {
       const Dust& speck = r_.dust[static_cast<std::size_t>(index)];
-      if ((point.head<2>() - speck.centre_m).squaredNorm() < speck.radius_m * speck.radius_m) albedo = 0.45f;
+      if ((place - speck.centre_m).squaredNorm() > speck.radius_m * speck.radius_m) continue;
+      sample.surface = kDustSurface;
+      sample.albedo = 0.45f;
     }
   }
-  if (albedo < 0) return -1;
+  if (sample.surface == 0) return sample;
   const LitGrid& grid = s_.glass;
-  return albedo * GridLight(r_.lighting, s_.exposure, s_.stride, grid,
-                            (point.x() - grid.origin.x()) / grid.along_x.x(),
-                            (point.y() - grid.origin.y()) / grid.along_y.y());
+  sample.light = GridLight(r_.lighting, s_.exposure, s_.stride, grid,
+                           (place.x() - grid.origin.x()) / grid.along_x.x(),
+                           (place.y() - grid.origin.y()) / grid.along_y.y());
+  return sample;
 }
 
-float PathTracer::ShadeCube(const SceneHit& hit) const {
+Sample PathTracer::ShadeCube(const SceneHit& hit) const {
   const int axis = hit.face / 2;
   const LitGrid& grid = s_.cube[static_cast<std::size_t>(hit.face)];
   const double half = 0.5 * r_.target.edge_m, cells = grid.nodes_x - 1;
-  const float light = GridLight(r_.lighting, s_.exposure, s_.stride, grid,
-                                (hit.in_body[(axis + 1) % 3] + half) / (2 * half) * cells,
-                                (hit.in_body[(axis + 2) % 3] + half) / (2 * half) * cells);
-  const int face = r_.target_face[static_cast<std::size_t>(hit.face)];
-  if (face < 0) return kBareAlbedo * light;
-  const CharucoFace& board = r_.target.faces[static_cast<std::size_t>(face)];
-  const Vector3d on_board = board.body_from_board.Inverse() * hit.in_body;
-  return AlbedoOnBoard(board, on_board.x(), on_board.y()) * light;
+  Sample sample;
+  sample.light = GridLight(r_.lighting, s_.exposure, s_.stride, grid,
+                           (hit.in_body[(axis + 1) % 3] + half) / (2 * half) * cells,
+                           (hit.in_body[(axis + 2) % 3] + half) / (2 * half) * cells);
+  const int board = r_.target_face[static_cast<std::size_t>(hit.face)];
+  sample.surface = kBareCubeSurface;
+  sample.albedo = kBareAlbedo;
+  if (board >= 0) {
+    const Rigid3& board_from_body = r_.board_from_body[static_cast<std::size_t>(board)];
+    sample.print = (board_from_body * hit.in_body).head<2>();
+    sample.surface = BoardSurface(board);
+    sample.albedo = AlbedoOnBoard(r_.target.faces[static_cast<std::size_t>(board)], sample.print.x(), sample.print.y());
+  }
+  return sample;
 }
 
-float PathTracer::ShadeMesh(const LightRay& ray, const SceneHit& hit) const {
+Sample PathTracer::ShadeMesh(const LightRay& ray, const SceneHit& hit) const {
   const LitMesh& mesh = s_.meshes[static_cast<std::size_t>(hit.mesh)];
   const Eigen::Vector3i& triangle = mesh.triangles[static_cast<std::size_t>(hit.triangle)];
   const float weights[3] = {1 - hit.b1 - hit.b2, hit.b1, hit.b2};
@@ -92,16 +123,20 @@ float PathTracer::ShadeMesh(const LightRay& ray, const SceneHit& hit) const {
   // A weak lobe around the mirror direction, strongest at grazing view; wetted skin on the glass has none.
   const float cosine = std::clamp(-normal.normalized().dot(ray.direction.cast<float>()), 0.0f, 1.0f);
   const float sheen = (1 - cosine) * (1 - cosine);
-  return light * (SkinAlbedo(material) + kGloss * sheen);
+  Sample sample;
+  sample.light = light;
+  sample.albedo = SkinAlbedo(material) + kGloss * sheen;
+  sample.surface = kFirstMeshSurface + hit.mesh;
+  return sample;
 }
 
 Sample PathTracer::Shade(const LightRay& ray, const SceneHit& hit) const {
   switch (hit.kind) {
-    case SceneHit::Kind::kMesh: return {ShadeMesh(ray, hit), 2 + hit.mesh};
-    case SceneHit::Kind::kCube: return {ShadeCube(hit), -1 - hit.face};
+    case SceneHit::Kind::kMesh: return ShadeMesh(ray, hit);
+    case SceneHit::Kind::kCube: return ShadeCube(hit);
     case SceneHit::Kind::kNone: break;
   }
-  return {Background(ray), 0};
+  return Bare(Background(ray));
 }
 
 Sample PathTracer::FromBelow(const LightRay& ray, bool bodies) const {
@@ -109,14 +144,18 @@ Sample PathTracer::FromBelow(const LightRay& ray, bool bodies) const {
   const auto nearest = [&](const LightRay& from, double from_m) {
     return bodies ? s_.tracer.Nearest(from, from_m) : SceneHit{};
   };
-  if (crossing.kind == PlateCrossing::Kind::kEdge) return {kGroundEdge, 0};
+  if (crossing.kind == PlateCrossing::Kind::kEdge) return Bare(kGroundEdge);
   if (crossing.kind == PlateCrossing::Kind::kMisses) return Shade(ray, nearest(ray, 0));
   const auto into = static_cast<float>(crossing.near_transmittance);
   const auto through = into * static_cast<float>(crossing.far_transmittance);
   const Vector3d mirrored(ray.direction.x(), ray.direction.y(), -ray.direction.z());
   float ghosts = (1 - into) * LampGlare({crossing.near_point, mirrored});
-  const float mark = GlassMark(crossing.far_point);
-  if (mark >= 0) return {into * mark + ghosts, 1};
+  Sample sample = GlassMark(crossing.far_point);
+  if (sample.surface != 0) {
+    sample.light *= into;
+    sample.extra = ghosts;
+    return sample;
+  }
   const LightRay behind{crossing.far_point - kBackOff_m * crossing.direction, crossing.direction};
   const SceneHit hit = nearest(behind, 0);
   if (hit.kind == SceneHit::Kind::kNone || hit.distance_m > kBackOff_m + kContact_m) {
@@ -124,8 +163,9 @@ Sample PathTracer::FromBelow(const LightRay& ray, bool bodies) const {
     ghosts += into * into * (1 - through / into) *
               LampGlare({{leaves.x(), leaves.y(), -r_.rig.plate.thickness_m}, mirrored});
   }
-  Sample sample = Shade(behind, hit);
-  sample.radiance = through * sample.radiance + ghosts;
+  sample = Shade(behind, hit);
+  sample.light *= through;
+  sample.extra = through * sample.extra + ghosts;
   return sample;
 }
 
@@ -133,21 +173,21 @@ Sample PathTracer::FromAbove(const LightRay& ray, bool bodies) const {
   const SceneHit hit = bodies ? s_.tracer.Nearest(ray) : SceneHit{};
   if (hit.kind != SceneHit::Kind::kNone) return Shade(ray, hit);
   const PlateCrossing crossing = CrossPlate(r_.rig.plate, ray);
-  if (crossing.kind == PlateCrossing::Kind::kEdge) return {kGroundEdge, 0};
-  if (crossing.kind == PlateCrossing::Kind::kMisses) return {Background(ray), 0};
-  const float mark = GlassMark(crossing.near_point);
-  if (mark >= 0) return {mark, 1};
+  if (crossing.kind == PlateCrossing::Kind::kEdge) return Bare(kGroundEdge);
+  if (crossing.kind == PlateCrossing::Kind::kMisses) return Bare(Background(ray));
+  Sample sample = GlassMark(crossing.near_point);
+  if (sample.surface != 0) return sample;
   const auto into = static_cast<float>(crossing.near_transmittance);
   const auto through = into * static_cast<float>(crossing.far_transmittance);
-  Sample sample{through * Background({crossing.far_point, crossing.direction}), 0};
+  sample = Bare(through * Background({crossing.far_point, crossing.direction}));
   if (r_.options.reflections) {
     const LightRay mirrored{crossing.near_point, {ray.direction.x(), ray.direction.y(), -ray.direction.z()}};
     const SceneHit seen = bodies ? s_.tracer.Nearest(mirrored, kContact_m) : SceneHit{};
     // Both faces mirror; the lower one's image lies 2 t / n deeper and is left to lamps only.
-    sample.radiance += (1 - into) * Shade(mirrored, seen).radiance;
+    sample.extra += (1 - into) * Shade(mirrored, seen).Radiance();
     const Vector3d leaves = 2 * crossing.far_point - crossing.near_point;
-    sample.radiance += into * into * (1 - through / into) *
-                       LampGlare({{leaves.x(), leaves.y(), 0}, mirrored.direction});
+    sample.extra += into * into * (1 - through / into) *
+                    LampGlare({{leaves.x(), leaves.y(), 0}, mirrored.direction});
   }
   return sample;
 }

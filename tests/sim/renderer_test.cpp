@@ -2,11 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
-#include <limits>
 #include <map>
 #include <vector>
 
+#include <Eigen/Cholesky>
 #include <gtest/gtest.h>
 #include <opencv2/aruco.hpp>
 #include <opencv2/imgproc.hpp>
@@ -16,6 +15,7 @@
 #include "core/error.h"
 #include "core/plate.h"
 #include "core/target.h"
+#include "tests/sim/test_bodies.h"
 
 namespace sole::sim {
 namespace {
@@ -114,6 +114,71 @@ TEST_F(RendererTest, MarkersOfTheCubeHaveTheirIdsAndPlaces) {
   }
 }
 
+/// Where the oracle's ray of a pixel meets a board, board coordinates.
+Eigen::Vector2d OnBoard(const TrueRig& rig, int camera, const Rigid3& board_from_world, const Eigen::Vector2d& pixel) {
+  const Plate plate{rig.plate.thickness_m, rig.plate.index};
+  const Ray ray = RayFromPixel(Oracle(rig.cameras[static_cast<std::size_t>(camera)]), plate, pixel);
+  const Eigen::Vector3d origin = board_from_world * ray.origin, direction = board_from_world.rotation * ray.direction;
+  return (origin - origin.z() / direction.z() * direction).head<2>();
+}
+
+/// By how many pixels the image of a chessboard corner is displaced against a picture of it painted from the oracle's
+/// rays (black where the board coordinates have the same sign), blurred as the camera does. Least squares over
+/// shift, contrast and brightness.
+Eigen::Vector2d Displacement(const ImageU8& image, const TrueRig& rig, int camera, const Rigid3& board_from_world,
+                             const Eigen::Vector2d& corner, const Eigen::Vector2d& corner_pixel) {
+  constexpr int kHalf = 6, kPad = 4, kSide = 2 * (kHalf + kPad) + 1, kFine = 12;
+  const int cx = static_cast<int>(std::lround(corner_pixel.x())), cy = static_cast<int>(std::lround(corner_pixel.y()));
+  cv::Mat painted(kSide, kSide, CV_64F, cv::Scalar(0));
+  for (int i = 0; i < kSide * kSide * kFine * kFine; ++i) {
+    const int fine_x = i % (kSide * kFine), fine_y = i / (kSide * kFine);
+    const Eigen::Vector2d pixel(cx - kHalf - kPad - 0.5 + (fine_x + 0.5) / kFine, cy - kHalf - kPad - 0.5 + (fine_y + 0.5) / kFine);
+    const Eigen::Vector2d p = OnBoard(rig, camera, board_from_world, pixel) - corner;
+    painted.at<double>(fine_y / kFine, fine_x / kFine) += p.x() * p.y() > 0 ? 0.0 : 1.0 / (kFine * kFine);
+  }
+  const double blur = rig.cameras[static_cast<std::size_t>(camera)].blur_px;
+  cv::GaussianBlur(painted, painted, {7, 7}, blur, blur);
+  Eigen::Matrix4d normal = Eigen::Matrix4d::Zero();
+  Eigen::Vector4d right = Eigen::Vector4d::Zero();
+  for (int y = kPad; y < kSide - kPad; ++y) {
+    for (int x = kPad; x < kSide - kPad; ++x) {
+      const Eigen::Vector4d row(0.5 * (painted.at<double>(y, x + 1) - painted.at<double>(y, x - 1)),
+                                0.5 * (painted.at<double>(y + 1, x) - painted.at<double>(y - 1, x)), painted.at<double>(y, x), 1);
+      normal += row * row.transpose();
+      right += row * image.At(cx - kHalf - kPad + x, cy - kHalf - kPad + y);
+    }
+  }
+  const Eigen::Vector4d solution = normal.ldlt().solve(right);
+  return -solution.head<2>() / solution[2];
+}
+
+TEST_F(RendererTest, CornersStandWhereTheyBelongInAirAndThroughGlass) {
+  const Renderer renderer(config_, rig_, {.noise = 0});
+  const CalibrationBody cube = MakeCalibrationCube(config_.target.edge_m, config_.target.squares,
+                                                   config_.target.square_m, config_.target.marker_m);
+  const CharucoFace& face = cube.faces[0];
+  for (const int camera : {0, 2}) {
+    // Lays a face nearly square to the camera, 6 cm above the glass.
+    const Eigen::Vector3d view = rig_.cameras[static_cast<std::size_t>(camera)].Centre().normalized();
+    Scene scene;
+    scene.exposure = ExposureKind::kTexture;
+    scene.fiducials = scene.dust = false;
+    scene.world_from_target =
+        Rigid3{Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d(0.15, 0.1, -1), view) *
+                   Eigen::Quaterniond(Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitZ())),
+               Eigen::Vector3d(0.0, 0.0, 0.09)};
+    const ImageU8 image = renderer.Render(renderer.Prepare(scene), camera, 1);
+    const Rigid3 world_from_board = *scene.world_from_target * face.body_from_board;
+    for (const int i : {0, 2, 5, 7, 9, 12, 14, 15}) {
+      const Eigen::Vector3d corner = CornerInBody(face, i);
+      const Eigen::Vector2d on_board = (face.body_from_board.Inverse() * corner).head<2>();
+      const Eigen::Vector2d pixel = OraclePixel(rig_, camera, *scene.world_from_target * corner);
+      EXPECT_LT(Displacement(image, rig_, camera, world_from_board.Inverse(), on_board, pixel).norm(), 0.01)
+          << "camera " << camera << " corner " << i;
+    }
+  }
+}
+
 TEST_F(RendererTest, FiducialsAreUprightFromAboveAndMirroredFromBelow) {
   const Renderer renderer(config_, rig_, {.noise = 0});
   Scene scene;
@@ -131,6 +196,81 @@ TEST_F(RendererTest, FiducialsAreUprightFromAboveAndMirroredFromBelow) {
       }
     }
   }
+}
+
+TEST_F(RendererTest, ImagesFollowTheSeedAndNotTheThreads) {
+  config_ = MakeDefaultRig(4, 406, 309);
+  rig_ = DrawTrueRig(config_, kSeed);
+  const Renderer renderer(config_, rig_);
+  Scene scene;
+  scene.meshes.push_back(MakeSphere({0, 0, 0.05}, 0.05));
+  const ImageU8 image = renderer.Render(renderer.Prepare(scene), 2, 9);
+  EXPECT_NE(renderer.Render(renderer.Prepare(scene), 2, 10).pixels, image.pixels);
+  const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
+  EXPECT_EQ(Renderer(config_, rig_).Render(renderer.Prepare(scene), 2, 9).pixels, image.pixels);
+}
+
+TEST_F(RendererTest, TruthMapsAgreeWithTheProjectionThroughTheGlass) {
+  config_ = MakeDefaultRig(4, 406, 309);
+  rig_ = DrawTrueRig(config_, kSeed);
+  const Renderer renderer(config_, rig_);
+  Scene scene;
+  scene.meshes.push_back(MakeSphere({0.01, 0, 0.05}, 0.05));
+  const PreparedScene prepared = renderer.Prepare(scene);
+  for (const int camera : {0, 3}) {
+    const TruthMaps maps = renderer.MapTruth(prepared, camera);
+    int covered = 0;
+    for (int y = 0; y < 309; y += 5) {
+      for (int x = 0; x < 406; x += 5) {
+        if (maps.mesh.At(x, y) < 0) {
+          EXPECT_TRUE(std::isnan(maps.depth_m.At(x, y)));
+          continue;
+        }
+        ++covered;
+        const Eigen::Vector3d point = maps.point_m.At(x, y).cast<double>();
+        EXPECT_LT((OraclePixel(rig_, camera, point) - Eigen::Vector2d(x, y)).norm(), 0.003);
+        EXPECT_NEAR((point - Eigen::Vector3d(0.01, 0, 0.05)).norm(), 0.05, 1e-4);
+        EXPECT_GT(maps.normal.At(x, y).cast<double>().dot((point - Eigen::Vector3d(0.01, 0, 0.05)).normalized()), 0.99);
+      }
+    }
+    EXPECT_GT(covered, 300);
+  }
+}
+
+TEST_F(RendererTest, SpeckleOnSkinHasContrastAndNoSaturation) {
+  const Renderer renderer(config_, rig_);
+  Scene scene;
+  scene.fiducials = scene.dust = false;
+  scene.meshes.push_back(MakeSphere({0, 0, 0.05}, 0.05));
+  const PreparedScene prepared = renderer.Prepare(scene);
+  for (const int camera : {0, 3}) {
+    const ImageU8 image = renderer.Render(prepared, camera, 1);
+    const TruthMaps maps = renderer.MapTruth(prepared, camera);
+    std::vector<std::uint8_t> grey;
+    for (std::size_t i = 0; i < image.pixels.size(); ++i) {
+      const TrueCamera& view = rig_.cameras[static_cast<std::size_t>(camera)];
+      if (maps.mesh.pixels[i] < 0) continue;
+      const Eigen::Vector3f to_camera = (view.Centre().cast<float>() - maps.point_m.pixels[i]).normalized();
+      if (maps.normal.pixels[i].dot(to_camera) > 0.8f) grey.push_back(image.pixels[i]);
+    }
+    std::sort(grey.begin(), grey.end());
+    ASSERT_GT(grey.size(), 20000U);
+    EXPECT_LT(grey[grey.size() / 20], 60) << "camera " << camera;
+    EXPECT_GT(grey[grey.size() * 19 / 20], 110) << "camera " << camera;
+    EXPECT_LT(grey[grey.size() * 999 / 1000], 253) << "camera " << camera;
+  }
+}
+
+TEST_F(RendererTest, RefusesWhatDoesNotFit) {
+  const Renderer renderer(config_, rig_);
+  Scene scene;
+  const PreparedScene prepared = renderer.Prepare(scene);
+  EXPECT_THROW(renderer.Render(prepared, 4, 1), Error);
+  scene.meshes.resize(1);
+  scene.meshes[0].mesh.vertices.resize(3);
+  scene.meshes[0].mesh.triangles.emplace_back(0, 1, 3);
+  EXPECT_THROW(renderer.Prepare(scene), Error);
+  EXPECT_THROW(Renderer(MakeDefaultRig(8), rig_), Error);
 }
 
 }  // namespace
