@@ -113,11 +113,13 @@ Sample PathTracer::ShadeMesh(const LightRay& ray, const SceneHit& hit) const {
   const float weights[3] = {1 - hit.b1 - hit.b2, hit.b1, hit.b2};
   WeightedPoint points[3];
   Vector3f normal = Vector3f::Zero(), material = Vector3f::Zero();
+  float tone = 0;
   for (int i = 0; i < 3; ++i) {
     const auto v = static_cast<std::size_t>(triangle[i]);
     points[i] = {&mesh.light[v * s_.stride], weights[i]};
     normal += weights[i] * mesh.normals[v];
     material += weights[i] * mesh.material[v];
+    tone += weights[i] * mesh.tone[v];
   }
   const float light = MixLight(r_.lighting, s_.exposure, points, 3);
   // A weak lobe around the mirror direction, strongest at grazing view; wetted skin on the glass has none.
@@ -125,7 +127,7 @@ Sample PathTracer::ShadeMesh(const LightRay& ray, const SceneHit& hit) const {
   const float sheen = (1 - cosine) * (1 - cosine);
   Sample sample;
   sample.light = light;
-  sample.albedo = SkinAlbedo(material) + kGloss * sheen;
+  sample.albedo = tone * SkinAlbedo(material) + kGloss * sheen;
   sample.surface = kFirstMeshSurface + hit.mesh;
   return sample;
 }

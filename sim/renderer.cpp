@@ -40,6 +40,8 @@ LitMesh CheckedMesh(const SceneMesh& body) {
           "renderer: a mesh needs one normal per vertex, or none");
   Require(body.material.empty() || body.material.size() == body.mesh.vertices.size(),
           "renderer: a mesh needs material coordinates for every vertex, or none");
+  Require(body.tone.empty() || body.tone.size() == body.mesh.vertices.size(),
+          "renderer: a mesh needs a tone for every vertex, or none");
   LitMesh lit;
   lit.triangles = body.mesh.triangles;
   lit.vertices = body.mesh.vertices;
@@ -47,6 +49,8 @@ LitMesh CheckedMesh(const SceneMesh& body) {
   const std::vector<Vector3d>& material = body.material.empty() ? body.mesh.vertices : body.material;
   for (const Vector3d& n : normals) lit.normals.push_back(n.cast<float>());
   for (const Vector3d& m : material) lit.material.push_back(m.cast<float>());
+  lit.tone = body.tone;
+  lit.tone.resize(lit.vertices.size(), 1.0f);
   return lit;
 }
 
@@ -89,14 +93,13 @@ float MeanAlbedo(const Renderer::State& renderer, const std::array<Sample, 4>& s
   return sum / (kSide * kSide);
 }
 
-/// Mean radiance of a pixel: one ray where nothing but background is near, else four; then the mean of the print,
-/// or sixteen rays where the four differ at a hard edge.
+/// Mean radiance of a pixel where something can be seen: four rays; then the mean of the print, or sixteen rays where the
+/// four differ at a hard edge.
 float PixelRadiance(const Renderer::State& renderer, const PathTracer& tracer, const TrueCamera& camera, int x, int y,
                     std::uint8_t content) {
   static const SamplePoints points;
   const bool bodies = (content & kBodies) != 0;
   const Vector2d pixel(x, y);
-  if (content == kNothing) return tracer.Trace(RayOfPixel(camera, pixel), false).Radiance();
   std::array<Sample, 4> samples;
   float mean = 0, light = 0, extra = 0, low = std::numeric_limits<float>::infinity(), high = -low;
   bool one_surface = true;
@@ -119,6 +122,24 @@ float PixelRadiance(const Renderer::State& renderer, const PathTracer& tracer, c
   float sum = 0;
   for (const Vector2d& offset : points.many) sum += tracer.Trace(RayOfPixel(camera, pixel + offset), bodies).Radiance();
   return sum / 16;
+}
+
+/// Fills a block of nothing but background: evenly from a few rays if these agree, else with a ray per pixel (lamps, the
+/// plate's edge).
+void FillBackground(const PathTracer& tracer, const TrueCamera& camera, int x0, int y0, int x1, int y1, ImageF& radiance) {
+  float low = std::numeric_limits<float>::infinity(), high = -low;
+  for (int i = 0; i < 9; ++i) {
+    const Vector2d pixel(x0 - 0.5 + 0.5 * (i % 3) * kBlock, y0 - 0.5 + 0.5 * (i / 3) * kBlock);
+    const float value = tracer.Trace(RayOfPixel(camera, pixel), false).Radiance();
+    low = std::min(low, value);
+    high = std::max(high, value);
+  }
+  const bool even = high - low < 1e-4f;
+  for (int y = y0; y < y1; ++y) {
+    for (int x = x0; x < x1; ++x) {
+      radiance.At(x, y) = even ? 0.5f * (low + high) : tracer.Trace(RayOfPixel(camera, Vector2d(x, y)), false).Radiance();
+    }
+  }
 }
 
 }  // namespace
@@ -184,6 +205,10 @@ ImageU8 Renderer::Render(const PreparedScene& scene, int camera, std::uint64_t s
       for (int bx = range.cols().begin(); bx < range.cols().end(); ++bx) {
         const std::uint8_t what = content.At(bx, by);
         const int x1 = std::min((bx + 1) * kBlock, view.width), y1 = std::min((by + 1) * kBlock, view.height);
+        if (what == kNothing) {
+          FillBackground(tracer, view, bx * kBlock, by * kBlock, x1, y1, radiance);
+          continue;
+        }
         for (int y = by * kBlock; y < y1; ++y) {
           for (int x = bx * kBlock; x < x1; ++x) radiance.At(x, y) = PixelRadiance(*state_, tracer, view, x, y, what);
         }

@@ -20,6 +20,8 @@ struct SceneMesh {
   /// Material coordinates, metres, one per vertex (the same point of skin in its rest position): the skin's
   /// texture hangs on them, so it moves with the skin. The vertices themselves if empty.
   std::vector<Eigen::Vector3d> material;
+  /// Reflectance relative to skin, one per vertex (nails, a dark cut); all 1 if empty.
+  std::vector<float> tone;
 };
 
 /// What stands in the rig during one exposure.

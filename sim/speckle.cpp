@@ -11,6 +11,7 @@ namespace {
 constexpr int kSize = 2048;          // texels; a power of two
 constexpr double kDotTexels = 6.25;  // mean diameter
 constexpr double kPitchTexels = 8.0;
+constexpr double kSoftTexels = 2.5;  // width of a dot's edge
 constexpr double kFloor = 0.06;      // light between the dots
 
 std::size_t Texel(int x, int y) {
@@ -35,7 +36,9 @@ SpecklePattern::SpecklePattern(std::uint64_t seed, double dot_rad)
     const int x0 = static_cast<int>(cx), y0 = static_cast<int>(cy);
     for (int y = y0 - reach; y <= y0 + reach; ++y) {
       for (int x = x0 - reach; x <= x0 + reach; ++x) {
-        const double edge = std::clamp(0.5 + (radius - std::hypot(x - cx, y - cy)) / 2.5, 0.0, 1.0);
+        const double distance2 = (x - cx) * (x - cx) + (y - cy) * (y - cy);
+        if (distance2 > (radius + 0.5 * kSoftTexels) * (radius + 0.5 * kSoftTexels)) continue;
+        const double edge = std::clamp(0.5 + (radius - std::sqrt(distance2)) / kSoftTexels, 0.0, 1.0);
         const double light = kFloor + (level - kFloor) * edge * edge * (3 - 2 * edge);
         std::uint8_t& texel = texels_[Texel(x, y)];
         texel = std::max(texel, static_cast<std::uint8_t>(std::lround(255 * light)));

@@ -25,6 +25,7 @@ struct LitMesh {
   std::vector<Eigen::Vector3d> vertices;
   std::vector<Eigen::Vector3f> normals;
   std::vector<Eigen::Vector3f> material;
+  std::vector<float> tone;
   std::vector<LampLight> light;  ///< vertices times stride
 };
 

@@ -74,7 +74,7 @@ std::vector<Eigen::Vector3d> MarkerOnCube(const CharucoFace& face, int id, const
 class RendererTest : public testing::Test {
  protected:
   static constexpr std::uint64_t kSeed = 3;
-  RigConfig config_ = MakeDefaultRig();
+  RigConfig config_ = MakeDefaultRig(4, 812, 618);
   TrueRig rig_ = DrawTrueRig(config_, kSeed);
 };
 
@@ -103,8 +103,8 @@ TEST_F(RendererTest, MarkersOfTheCubeHaveTheirIdsAndPlaces) {
         if (truth.size() > 1) shortest = std::min(shortest, (truth.back() - truth[truth.size() - 2]).norm());
       }
       // OpenCV places the corners of strongly foreshortened markers badly; those only tell the order.
-      const double tolerance = shortest > 45 ? 0.7 : 0.3 * shortest;
-      precise += shortest > 45;
+      const double tolerance = shortest > 24 ? 1.5 : 0.3 * shortest;
+      precise += shortest > 24;
       for (std::size_t i = 0; i < 4; ++i) {
         EXPECT_LT((corners[i] - truth[i]).norm(), tolerance)
             << "camera " << camera << " marker " << id << " corner " << i;
@@ -191,7 +191,7 @@ TEST_F(RendererTest, FiducialsAreUprightFromAboveAndMirroredFromBelow) {
       if (!markers.contains(fiducial.id)) continue;
       const auto truth = FiducialCorners(fiducial);
       for (std::size_t i = 0; i < 4; ++i) {
-        EXPECT_LT((markers.at(fiducial.id)[i] - OraclePixel(rig_, camera, truth[i])).norm(), 0.7)
+        EXPECT_LT((markers.at(fiducial.id)[i] - OraclePixel(rig_, camera, truth[i])).norm(), 1.5)
             << "camera " << camera << " fiducial " << fiducial.id << " corner " << i;
       }
     }
@@ -254,7 +254,7 @@ TEST_F(RendererTest, SpeckleOnSkinHasContrastAndNoSaturation) {
       if (maps.normal.pixels[i].dot(to_camera) > 0.8f) grey.push_back(image.pixels[i]);
     }
     std::sort(grey.begin(), grey.end());
-    ASSERT_GT(grey.size(), 20000U);
+    ASSERT_GT(grey.size(), 10000U);
     EXPECT_LT(grey[grey.size() / 20], 60) << "camera " << camera;
     EXPECT_GT(grey[grey.size() * 19 / 20], 110) << "camera " << camera;
     EXPECT_LT(grey[grey.size() * 999 / 1000], 253) << "camera " << camera;
