@@ -26,7 +26,8 @@ std::vector<Term> Collect(const TakeObservations& observations) {
   for (std::size_t f = 0; f < observations.frames.size(); ++f) {
     for (std::size_t c = 0; c < observations.frames[f].size(); ++c) {
       const ViewObservations& view = observations.frames[f][c];
-      for (const auto& seen : view.target) terms.push_back({static_cast<int>(c), static_cast<int>(f), seen});
+      for (const auto& seen : view.target)
+        terms.push_back({static_cast<int>(c), static_cast<int>(f), seen});
       for (const auto& seen : view.fiducials) terms.push_back({static_cast<int>(c), -1, seen});
     }
   }
@@ -35,8 +36,8 @@ std::vector<Term> Collect(const TakeObservations& observations) {
 
 std::size_t At(int index) { return static_cast<std::size_t>(index); }
 
-/// Parameter blocks around the reference `state`, and the problem made of them. All blocks lie in one array, because
-/// Ceres orders them by address and results shall repeat.
+/// Parameter blocks around the reference `state`, and the problem made of them. All blocks lie in
+/// one array, because Ceres orders them by address and results shall repeat.
 class Adjustment {
  public:
   Adjustment(const AdjustState& state, const std::vector<Eigen::Vector3d>& target_corners,
@@ -58,7 +59,8 @@ class Adjustment {
     ceres::Solver::Options solver;
     solver.linear_solver_type = ceres::SPARSE_SCHUR;
     solver.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
-    for (double* block : OtherBlocks(problem)) solver.linear_solver_ordering->AddElementToGroup(block, 0);
+    for (double* block : OtherBlocks(problem))
+      solver.linear_solver_ordering->AddElementToGroup(block, 0);
     for (double* block : SharedBlocks()) solver.linear_solver_ordering->AddElementToGroup(block, 1);
     solver.max_num_iterations = options_.max_iterations;
     solver.num_threads = options_.threads;
@@ -78,7 +80,8 @@ class Adjustment {
     const double* intrinsics = state_.cameras[At(term.camera)].intrinsics.data();
     Eigen::Vector2d r = Eigen::Vector2d::Constant(std::numeric_limits<double>::infinity());
     if (term.frame < 0) {
-      FiducialOf(term)(zero.data(), intrinsics, state_.fiducial_offset_m[At(term.seen.point / 4)].data(),
+      FiducialOf(term)(zero.data(), intrinsics,
+                       state_.fiducial_offset_m[At(term.seen.point / 4)].data(),
                        &state_.plate.thickness_m, r.data());
     } else {
       TargetOf(term)(zero.data(), intrinsics, zero.data(), &state_.plate.thickness_m, r.data());
@@ -101,10 +104,13 @@ class Adjustment {
   double* IntrinsicsOf(std::size_t camera) { return Pose(camera) + kPoseSize; }
   double* Thickness() { return &values_[kCameraSize * state_.cameras.size()]; }
   double* Body(std::size_t frame) { return Thickness() + 1 + kPoseSize * frame; }
-  double* Offset(std::size_t fiducial) { return Body(state_.world_from_body.size()) + 2 * fiducial; }
+  double* Offset(std::size_t fiducial) {
+    return Body(state_.world_from_body.size()) + 2 * fiducial;
+  }
 
   TargetResidual TargetOf(const Term& term) const {
-    return {ProjectionOf(term), state_.world_from_body[At(term.frame)], target_corners_[At(term.seen.point)]};
+    return {ProjectionOf(term), state_.world_from_body[At(term.frame)],
+            target_corners_[At(term.seen.point)]};
   }
   FiducialResidual FiducialOf(const Term& term) const {
     return {ProjectionOf(term), fiducial_corners_[At(term.seen.point)]};
@@ -115,10 +121,12 @@ class Adjustment {
   }
 
   void Build(const std::vector<Term>& terms, double huber_sigmas, ceres::Problem& problem) {
-    for (std::size_t c = 0; c < state_.cameras.size(); ++c) {  // every camera: the covariance has a place for it
+    for (std::size_t c = 0; c < state_.cameras.size();
+         ++c) {  // every camera: the covariance has a place for it
       problem.AddParameterBlock(Pose(c), kPoseSize);
-      problem.AddParameterBlock(IntrinsicsOf(c), kNumIntrinsics,
-                                options_.estimate_k3 ? nullptr : new ceres::SubsetManifold(kNumIntrinsics, {8}));
+      problem.AddParameterBlock(
+          IntrinsicsOf(c), kNumIntrinsics,
+          options_.estimate_k3 ? nullptr : new ceres::SubsetManifold(kNumIntrinsics, {8}));
     }
     problem.AddParameterBlock(Thickness(), 1);
     for (const Term& term : terms) {
@@ -136,8 +144,9 @@ class Adjustment {
     }
     for (std::size_t i = 0; i < state_.fiducial_offset_m.size(); ++i) {
       if (!problem.HasParameterBlock(Offset(i))) continue;
-      problem.AddResidualBlock(Prior<2>::Create(Eigen::Vector2d::Zero(), options_.fiducial_tolerance_m), nullptr,
-                               Offset(i));
+      problem.AddResidualBlock(
+          Prior<2>::Create(Eigen::Vector2d::Zero(), options_.fiducial_tolerance_m), nullptr,
+          Offset(i));
     }
     problem.AddResidualBlock(Prior<1>::Create(Eigen::Matrix<double, 1, 1>(nominal_thickness_m_),
                                               options_.thickness_tolerance_m),
@@ -202,7 +211,8 @@ class Adjustment {
   std::vector<double> values_;
 };
 
-/// Robust scale of the residuals: the median of a chi-squared variable of two degrees of freedom is 2 ln 2.
+/// Robust scale of the residuals: the median of a chi-squared variable of two degrees of freedom is
+/// 2 ln 2.
 double RobustSigma0(const Adjustment& adjustment, const std::vector<Term>& terms) {
   std::vector<double> squares;
   for (const Term& term : terms) {
@@ -214,7 +224,8 @@ double RobustSigma0(const Adjustment& adjustment, const std::vector<Term>& terms
   return std::sqrt(*middle / (2 * std::log(2.0)));
 }
 
-/// Below this share of the stated sigmas, residuals are called perfect rather than scaled down further.
+/// Below this share of the stated sigmas, residuals are called perfect rather than scaled down
+/// further.
 constexpr double kLeastSigma0 = 0.1;
 
 /// Marks terms beyond the limit as inactive and others as active; returns how many are inactive.
@@ -228,7 +239,8 @@ int SelectInliers(const Adjustment& adjustment, double outlier_sigmas, std::vect
   return dropped;
 }
 
-void FillStatistics(const Adjustment& adjustment, const std::vector<Term>& terms, AdjustResult& result) {
+void FillStatistics(const Adjustment& adjustment, const std::vector<Term>& terms,
+                    AdjustResult& result) {
   const std::size_t cameras = result.state.cameras.size();
   std::vector<double> sums(cameras, 0);
   result.camera_corners.assign(cameras, 0);
@@ -254,7 +266,8 @@ void FillStatistics(const Adjustment& adjustment, const std::vector<Term>& terms
 }
 
 void RequireConsistent(const AdjustState& start, const TakeObservations& observations,
-                       const std::vector<Term>& terms, std::size_t corners, std::size_t fiducial_corners) {
+                       const std::vector<Term>& terms, std::size_t corners,
+                       std::size_t fiducial_corners) {
   Require(start.world_from_body.size() == observations.frames.size(),
           "adjustment: " + std::to_string(start.world_from_body.size()) + " target poses for " +
               std::to_string(observations.frames.size()) + " frames");
@@ -272,7 +285,8 @@ void RequireConsistent(const AdjustState& start, const TakeObservations& observa
 
 AdjustResult Adjust(const AdjustState& start, const TakeObservations& observations,
                     const std::vector<Eigen::Vector3d>& target_corners,
-                    const std::vector<Eigen::Vector3d>& fiducial_corners, const AdjustOptions& options) {
+                    const std::vector<Eigen::Vector3d>& fiducial_corners,
+                    const AdjustOptions& options) {
   std::vector<Term> terms = Collect(observations);
   RequireConsistent(start, observations, terms, target_corners.size(), fiducial_corners.size());
 

@@ -20,34 +20,39 @@ int CornersIn(const std::vector<ViewObservations>& frame) {
   return static_cast<int>(corners);
 }
 
-void RequireEnough(const RigConfig& config, const TakeObservations& observations, const CalibrateOptions& options) {
+void RequireEnough(const RigConfig& config, const TakeObservations& observations,
+                   const CalibrateOptions& options) {
   const std::string frames = std::to_string(observations.frames.size());
   for (std::size_t c = 0; c < config.cameras.size(); ++c) {
     int seen = 0;
     for (const auto& frame : observations.frames) seen += frame[c].target.size() >= 4;
     Require(seen >= options.min_camera_frames,
-            "calibration: camera " + config.cameras[c].serial + " sees the target in " + std::to_string(seen) +
-                " of " + frames + " frames, needs " + std::to_string(options.min_camera_frames) +
+            "calibration: camera " + config.cameras[c].serial + " sees the target in " +
+                std::to_string(seen) + " of " + frames + " frames, needs " +
+                std::to_string(options.min_camera_frames) +
                 "; check its aim, light and focus, or hold the target where it looks");
   }
-  const auto usable =
-      std::count_if(observations.frames.begin(), observations.frames.end(),
-                    [&](const auto& frame) { return CornersIn(frame) >= options.min_frame_corners; });
+  const auto usable = std::count_if(
+      observations.frames.begin(), observations.frames.end(),
+      [&](const auto& frame) { return CornersIn(frame) >= options.min_frame_corners; });
   Require(usable >= options.min_poses,
-          "calibration: too few poses: the target is seen in " + std::to_string(usable) + " of " + frames +
-              " frames, needs " + std::to_string(options.min_poses) + "; record more");
-  const bool fiducial = std::any_of(observations.frames.begin(), observations.frames.end(), [](const auto& frame) {
-    return std::any_of(frame.begin(), frame.end(), [](const auto& view) { return !view.fiducials.empty(); });
-  });
-  Require(fiducial,
-          "calibration: no camera sees a fiducial of the plate, which define the world frame; check "
-          "[[plate.fiducial]] in the rig file, light and focus");
+          "calibration: too few poses: the target is seen in " + std::to_string(usable) + " of " +
+              frames + " frames, needs " + std::to_string(options.min_poses) + "; record more");
+  const bool fiducial =
+      std::any_of(observations.frames.begin(), observations.frames.end(), [](const auto& frame) {
+        return std::any_of(frame.begin(), frame.end(),
+                           [](const auto& view) { return !view.fiducials.empty(); });
+      });
+  Require(
+      fiducial,
+      "calibration: no camera sees a fiducial of the plate, which define the world frame; check "
+      "[[plate.fiducial]] in the rig file, light and focus");
 }
 
-/// Fiducials do not move, so each camera's views of a corner become one: the mean around their median. Its
-/// sigma keeps the part that repetition does not average away.
-std::vector<PointObservation> MeanFiducials(const TakeObservations& observations, std::size_t camera,
-                                            double sigma_floor_px) {
+/// Fiducials do not move, so each camera's views of a corner become one: the mean around their
+/// median. Its sigma keeps the part that repetition does not average away.
+std::vector<PointObservation> MeanFiducials(const TakeObservations& observations,
+                                            std::size_t camera, double sigma_floor_px) {
   std::map<int, std::vector<PointObservation>> seen;
   for (const auto& frame : observations.frames) {
     for (const PointObservation& o : frame[camera].fiducials) seen[o.point].push_back(o);
@@ -57,8 +62,9 @@ std::vector<PointObservation> MeanFiducials(const TakeObservations& observations
     Eigen::Vector2d median;
     for (int axis = 0; axis < 2; ++axis) {
       const auto middle = views.begin() + static_cast<std::ptrdiff_t>(views.size() / 2);
-      std::nth_element(views.begin(), middle, views.end(),
-                       [axis](const auto& a, const auto& b) { return a.pixel[axis] < b.pixel[axis]; });
+      std::nth_element(views.begin(), middle, views.end(), [axis](const auto& a, const auto& b) {
+        return a.pixel[axis] < b.pixel[axis];
+      });
       median[axis] = middle->pixel[axis];
     }
     PointObservation mean{point, Eigen::Vector2d::Zero(), 0};
@@ -69,7 +75,8 @@ std::vector<PointObservation> MeanFiducials(const TakeObservations& observations
       mean.sigma_px += o.sigma_px * o.sigma_px;
       ++count;
     }
-    if (2 * static_cast<std::size_t>(count) < views.size()) continue;  // not one place: a wrong marker
+    if (2 * static_cast<std::size_t>(count) < views.size())
+      continue;  // not one place: a wrong marker
     mean.pixel /= count;
     mean.sigma_px = std::hypot(std::sqrt(mean.sigma_px) / count, sigma_floor_px);
     means.push_back(mean);
@@ -77,12 +84,14 @@ std::vector<PointObservation> MeanFiducials(const TakeObservations& observations
   return means;
 }
 
-/// Usable frames, divided into those to adjust and those to judge by. Fiducials stand in the first frame of each.
+/// Usable frames, divided into those to adjust and those to judge by. Fiducials stand in the first
+/// frame of each.
 struct Split {
   TakeObservations adjust, heldout;
 };
 
-Split Divide(const RigConfig& config, const TakeObservations& observations, const CalibrateOptions& options) {
+Split Divide(const RigConfig& config, const TakeObservations& observations,
+             const CalibrateOptions& options) {
   Split split;
   int count = 0;
   for (const auto& frame : observations.frames) {
@@ -92,7 +101,8 @@ Split Divide(const RigConfig& config, const TakeObservations& observations, cons
     for (ViewObservations& view : kept) view.fiducials.clear();
   }
   for (std::size_t c = 0; c < config.cameras.size(); ++c) {
-    split.adjust.frames.front()[c].fiducials = MeanFiducials(observations, c, options.detect.sigma_floor_px);
+    split.adjust.frames.front()[c].fiducials =
+        MeanFiducials(observations, c, options.detect.fiducial_sigma_floor_px);
   }
   return split;
 }
@@ -108,7 +118,8 @@ std::string NowUtc() {
 
 }  // namespace
 
-TakeObservations Observe(const RigConfig& config, FrameSource& takes, const DetectOptions& options) {
+TakeObservations Observe(const RigConfig& config, FrameSource& takes,
+                         const DetectOptions& options) {
   const DetectTarget target = TargetOf(config);
   TakeObservations observations;
   while (const auto frame = takes.Next()) {
@@ -131,7 +142,8 @@ Calibration CalibrateFromObservations(const RigConfig& config, const TakeObserva
   result.rig.cameras = adjusted.state.cameras;
   result.rig.plate = adjusted.state.plate;
   for (const PairConfig& pair : config.pairs) {
-    result.rig.pairs.push_back({pair.name, CameraIndex(config, pair.left), CameraIndex(config, pair.right)});
+    result.rig.pairs.push_back(
+        {pair.name, CameraIndex(config, pair.left), CameraIndex(config, pair.right)});
   }
   result.rig.rig_hash = RigIdentityHash(config);
   const LengthErrors air = JudgeTarget(result.rig, ViewSide::kAir, split.heldout, corners);
@@ -151,7 +163,8 @@ Calibration CalibrateFromObservations(const RigConfig& config, const TakeObserva
   return result;
 }
 
-Calibration Calibrate(const RigConfig& config, FrameSource& takes, const CalibrateOptions& options) {
+Calibration Calibrate(const RigConfig& config, FrameSource& takes,
+                      const CalibrateOptions& options) {
   Validate(config);
   return CalibrateFromObservations(config, Observe(config, takes, options.detect), options);
 }

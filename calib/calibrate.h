@@ -12,22 +12,25 @@ namespace sole::calib {
 struct CalibrateOptions {
   DetectOptions detect;
   AdjustOptions adjust;
-  int heldout_every = 5;       ///< every fifth pose of the target judges instead of being adjusted
-  int min_poses = 6;           ///< usable poses without which no calibration is tried
-  int min_camera_frames = 3;   ///< frames in which every camera must see the target
-  int min_frame_corners = 8;   ///< corners over all cameras that make a frame usable
+  int heldout_every = 5;      ///< every fifth pose of the target judges instead of being adjusted
+  int min_poses = 6;          ///< usable poses without which no calibration is tried
+  int min_camera_frames = 3;  ///< frames in which every camera must see the target
+  int min_frame_corners = 8;  ///< corners over all cameras that make a frame usable
 };
 
 /// Corners in all frame sets of `takes`. Throws Error if an image has the wrong size.
-TakeObservations Observe(const RigConfig& config, FrameSource& takes, const DetectOptions& options = {});
+TakeObservations Observe(const RigConfig& config, FrameSource& takes,
+                         const DetectOptions& options = {});
 
-/// Calibrates all cameras of the rig and the plate's thickness from pictures of the calibration cube in many
-/// poses. The index of the glass is the rig file's (data sheet): it cannot be told from the thickness. Result in
-/// the world frame of docs/conventions.md, which the plate's fiducials define.
+/// Calibrates all cameras of the rig and the plate's thickness from pictures of the calibration
+/// cube in many poses. The index of the glass is the rig file's (data sheet): it cannot be told
+/// from the thickness. Result in the world frame of docs/conventions.md, which the plate's
+/// fiducials define.
 ///
-/// Throws Error if there are too few poses, a camera never sees the target, no fiducial is seen, an image has
-/// another size than the rig file says or the images do not determine the cameras.
-Calibration Calibrate(const RigConfig& config, FrameSource& takes, const CalibrateOptions& options = {});
+/// Throws Error if there are too few poses, a camera never sees the target, no fiducial is seen, an
+/// image has another size than the rig file says or the images do not determine the cameras.
+Calibration Calibrate(const RigConfig& config, FrameSource& takes,
+                      const CalibrateOptions& options = {});
 
 /// The same from corners that were measured before.
 Calibration CalibrateFromObservations(const RigConfig& config, const TakeObservations& observations,

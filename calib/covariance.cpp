@@ -1,9 +1,9 @@
-#include <cmath>
+#include <ceres/crs_matrix.h>
+#include <ceres/manifold.h>
 
 #include <Eigen/Cholesky>
 #include <Eigen/SparseCore>
-#include <ceres/crs_matrix.h>
-#include <ceres/manifold.h>
+#include <cmath>
 
 #include "calib/covariance_internal.h"
 #include "core/error.h"
@@ -17,21 +17,24 @@ Eigen::MatrixXd NormalMatrix(const ceres::CRSMatrix& crs) {
   std::vector<Eigen::Triplet<double>> entries;
   entries.reserve(crs.values.size());
   for (int row = 0; row < crs.num_rows; ++row) {
-    for (int i = crs.rows[static_cast<std::size_t>(row)]; i < crs.rows[static_cast<std::size_t>(row) + 1]; ++i) {
-      entries.emplace_back(row, crs.cols[static_cast<std::size_t>(i)], crs.values[static_cast<std::size_t>(i)]);
+    for (int i = crs.rows[static_cast<std::size_t>(row)];
+         i < crs.rows[static_cast<std::size_t>(row) + 1]; ++i) {
+      entries.emplace_back(row, crs.cols[static_cast<std::size_t>(i)],
+                           crs.values[static_cast<std::size_t>(i)]);
     }
   }
   jacobian.setFromTriplets(entries.begin(), entries.end());
   return Eigen::MatrixXd(Eigen::SparseMatrix<double>(jacobian.transpose() * jacobian));
 }
 
-/// Adds the Jacobian columns of a block, as indices into the stacked parameters from `first` on. Values a
-/// manifold holds fixed have no column.
+/// Adds the Jacobian columns of a block, as indices into the stacked parameters from `first` on.
+/// Values a manifold holds fixed have no column.
 void AppendColumns(const ceres::Problem& problem, double* block, Eigen::Index first,
                    std::vector<Eigen::Index>& parameter_of_column) {
   if (problem.IsParameterBlockConstant(block)) return;
   const ceres::Manifold* manifold = problem.GetManifold(block);
-  const int size = problem.ParameterBlockSize(block), tangent = problem.ParameterBlockTangentSize(block);
+  const int size = problem.ParameterBlockSize(block),
+            tangent = problem.ParameterBlockTangentSize(block);
   if (manifold == nullptr) {
     for (int i = 0; i < size; ++i) parameter_of_column.push_back(first + i);
     return;
@@ -68,7 +71,8 @@ Eigen::MatrixXd MarginalCovariance(ceres::Problem& problem, const std::vector<do
   normal = scale.asDiagonal() * normal * scale.asDiagonal();
   const Eigen::LLT<Eigen::MatrixXd> factor(normal);
   Require(scale.allFinite() && factor.info() == Eigen::Success,
-          "calibration: the images do not determine all parameters; record more poses of the target, tilted and "
+          "calibration: the images do not determine all parameters; record more poses of the "
+          "target, tilted and "
           "spread over every camera's image");
   const Eigen::Index columns = static_cast<Eigen::Index>(parameter_of_column.size());
   const Eigen::MatrixXd inverse = factor.solve(Eigen::MatrixXd::Identity(normal.rows(), columns));
@@ -76,7 +80,8 @@ Eigen::MatrixXd MarginalCovariance(ceres::Problem& problem, const std::vector<do
   Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(size, size);
   for (Eigen::Index i = 0; i < columns; ++i) {
     for (Eigen::Index j = 0; j < columns; ++j) {
-      covariance(parameter_of_column[static_cast<std::size_t>(i)], parameter_of_column[static_cast<std::size_t>(j)]) =
+      covariance(parameter_of_column[static_cast<std::size_t>(i)],
+                 parameter_of_column[static_cast<std::size_t>(j)]) =
           inverse(i, j) * scale[i] * scale[j];
     }
   }

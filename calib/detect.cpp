@@ -1,16 +1,16 @@
 #include "calib/detect.h"
 
+#include <tbb/parallel_for.h>
+
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <optional>
-#include <string>
-
-#include <Eigen/LU>
 #include <opencv2/aruco.hpp>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
-#include <tbb/parallel_for.h>
+#include <optional>
+#include <string>
 
 #include "calib/edge_fit.h"
 #include "core/error.h"
@@ -27,7 +27,8 @@ struct Marker {
 };
 
 std::vector<Marker> FindMarkers(const ImageU8& image, bool mirrored) {
-  const cv::Mat view(image.height, image.width, CV_8UC1, const_cast<std::uint8_t*>(image.pixels.data()));
+  const cv::Mat view(image.height, image.width, CV_8UC1,
+                     const_cast<std::uint8_t*>(image.pixels.data()));
   cv::Mat flipped;
   if (mirrored) cv::flip(view, flipped, 1);
   const auto dictionary = cv::aruco::getPredefinedDictionary(cv::aruco::DICT_5X5_250);
@@ -56,18 +57,23 @@ std::vector<Marker> FindMarkers(const ImageU8& image, bool mirrored) {
 struct Homography {
   Eigen::Matrix3d image_from_plane;
 
-  Eigen::Vector2d operator*(const Eigen::Vector2d& p) const { return (image_from_plane * p.homogeneous()).hnormalized(); }
+  Eigen::Vector2d operator*(const Eigen::Vector2d& p) const {
+    return (image_from_plane * p.homogeneous()).hnormalized();
+  }
   /// Derivative: image displacement per unit along x and y.
   Eigen::Matrix2d JacobianAt(const Eigen::Vector2d& p) const {
     const Eigen::Vector3d h = image_from_plane * p.homogeneous();
-    return (image_from_plane.topLeftCorner<2, 2>() - h.hnormalized() * image_from_plane.row(2).head<2>()) / h.z();
+    return (image_from_plane.topLeftCorner<2, 2>() -
+            h.hnormalized() * image_from_plane.row(2).head<2>()) /
+           h.z();
   }
 };
 
-/// Homography through the corners of markers at known places in a plane; `inlier` tells which markers agree within
-/// `tolerance_px`. Empty if fewer than `min_markers` do.
-std::optional<Homography> FitPlane(const std::vector<Marker>& markers, const std::vector<Quad>& in_plane,
-                                   double tolerance_px, int min_markers, std::vector<bool>& inlier) {
+/// Homography through the corners of markers at known places in a plane; `inlier` tells which
+/// markers agree within `tolerance_px`. Empty if fewer than `min_markers` do.
+std::optional<Homography> FitPlane(const std::vector<Marker>& markers,
+                                   const std::vector<Quad>& in_plane, double tolerance_px,
+                                   int min_markers, std::vector<bool>& inlier) {
   if (static_cast<int>(markers.size()) < min_markers) return {};
   std::vector<cv::Point2d> plane, image;
   for (std::size_t i = 0; i < markers.size(); ++i) {
@@ -95,22 +101,24 @@ std::optional<Homography> FitPlane(const std::vector<Marker>& markers, const std
   return homography;
 }
 
-/// Corners of marker `number` of a face in the board plane, in units of squares. Markers sit on the white squares
-/// (column + row odd), row by row.
+/// Corners of marker `number` of a face in the board plane, in units of squares. Markers sit on the
+/// white squares (column + row odd), row by row.
 Quad MarkerInBoard(const CharucoFace& face, int number) {
   int square = -1;
   for (int left = number; left >= 0; --left) {
-    do ++square; while ((square % face.squares_x + square / face.squares_x) % 2 == 0);
+    do ++square;
+    while ((square % face.squares_x + square / face.squares_x) % 2 == 0);
   }
   const Eigen::Vector2d centre(square % face.squares_x + 0.5, square / face.squares_x + 0.5);
   const double h = 0.5 * face.marker_m / face.square_m;
-  return {centre + Eigen::Vector2d(-h, -h), centre + Eigen::Vector2d(h, -h), centre + Eigen::Vector2d(h, h),
-          centre + Eigen::Vector2d(-h, h)};
+  return {centre + Eigen::Vector2d(-h, -h), centre + Eigen::Vector2d(h, -h),
+          centre + Eigen::Vector2d(h, h), centre + Eigen::Vector2d(-h, h)};
 }
 
 /// Fitted corners of one face whose markers were found. Points are numbered from `first_point`.
-void DetectFace(const ImageU8& image, const CharucoFace& face, int first_point, const std::vector<Marker>& markers,
-                const DetectOptions& options, std::vector<PointObservation>& found) {
+void DetectFace(const ImageU8& image, const CharucoFace& face, int first_point,
+                const std::vector<Marker>& markers, const DetectOptions& options,
+                std::vector<PointObservation>& found) {
   std::vector<Marker> mine;
   std::vector<Quad> in_plane;
   for (const Marker& marker : markers) {
@@ -121,7 +129,8 @@ void DetectFace(const ImageU8& image, const CharucoFace& face, int first_point, 
   }
   std::vector<bool> inlier;
   const auto plane = FitPlane(mine, in_plane, 3.0, options.min_markers, inlier);
-  if (!plane || plane->JacobianAt({0.5 * face.squares_x, 0.5 * face.squares_y}).determinant() <= 0) return;
+  if (!plane || plane->JacobianAt({0.5 * face.squares_x, 0.5 * face.squares_y}).determinant() <= 0)
+    return;
 
   const int columns = face.squares_x - 1, rows = face.squares_y - 1;
   for (int corner = 0; corner < columns * rows; ++corner) {
@@ -135,12 +144,14 @@ void DetectFace(const ImageU8& image, const CharucoFace& face, int first_point, 
     guess.clear = 0.85 * 0.5 * (1 - face.marker_m / face.square_m);
     guess.white_first = (cx + cy) % 2 == 1;
     // Near the edge of a grazing face the neighbourhood must stay inside the squares.
-    const double narrow = std::abs(jacobian.determinant()) / std::max(guess.along_x.norm(), guess.along_y.norm());
+    const double narrow =
+        std::abs(jacobian.determinant()) / std::max(guess.along_x.norm(), guess.along_y.norm());
     const double radius = std::min(options.saddle_radius_px, 0.6 * narrow);
     if (radius < 2.5) continue;
     const auto point = FitSaddle(image, guess, radius);
-    if (!point || point->sigma_px > 0.3) continue;
-    found.push_back({first_point + corner, point->pixel, std::hypot(point->sigma_px, options.sigma_floor_px)});
+    if (!point || point->sigma_px > options.max_sigma_px) continue;
+    found.push_back(
+        {first_point + corner, point->pixel, std::hypot(point->sigma_px, options.sigma_floor_px)});
   }
 }
 
@@ -162,19 +173,21 @@ void DetectFiducials(const ImageU8& image, const std::vector<Fiducial>& fiducial
     }
   }
   std::vector<bool> inlier(mine.size(), true);
-  // Lens distortion bends the plate by some pixels, so the tolerance is wide; a wrong id is off by far more.
+  // Lens distortion bends the plate by some pixels, so the tolerance is wide; a wrong id is off by
+  // far more.
   if (mine.size() > 1 && !FitPlane(mine, in_plane, 0.01 * image.width, 2, inlier)) return;
   for (std::size_t i = 0; i < mine.size(); ++i) {
     if (!inlier[i]) continue;
     const Quad& corners = mine[i].corners;
-    const double module = std::min((corners[1] - corners[0]).norm(), (corners[2] - corners[1]).norm()) / 7;
+    const double module =
+        std::min((corners[1] - corners[0]).norm(), (corners[2] - corners[1]).norm()) / 7;
     const auto fitted = FitSquare(image, corners, std::min(3.0, 0.45 * module));
     if (!fitted) continue;
     for (std::size_t k = 0; k < 4; ++k) {
       const FittedPoint& point = (*fitted)[k];
-      if (point.sigma_px > 0.3) continue;
+      if (point.sigma_px > options.max_sigma_px) continue;
       found.push_back({static_cast<int>(4 * index[i] + k), point.pixel,
-                       std::hypot(point.sigma_px, options.sigma_floor_px)});
+                       std::hypot(point.sigma_px, options.fiducial_sigma_floor_px)});
     }
   }
 }
@@ -186,8 +199,8 @@ DetectTarget TargetOf(const RigConfig& config) {
   return {MakeCalibrationCube(t.edge_m, t.squares, t.square_m, t.marker_m), config.plate.fiducials};
 }
 
-ViewObservations DetectInImage(const ImageU8& image, const DetectTarget& target, bool mirrored_fiducials,
-                               const DetectOptions& options) {
+ViewObservations DetectInImage(const ImageU8& image, const DetectTarget& target,
+                               bool mirrored_fiducials, const DetectOptions& options) {
   ViewObservations view;
   if (image.Empty()) return view;
   const std::vector<Marker> markers = FindMarkers(image, false);
@@ -196,24 +209,27 @@ ViewObservations DetectInImage(const ImageU8& image, const DetectTarget& target,
     DetectFace(image, face, first_point, markers, options, view.target);
     first_point += (face.squares_x - 1) * (face.squares_y - 1);
   }
-  DetectFiducials(image, target.fiducials, mirrored_fiducials ? FindMarkers(image, true) : markers, options,
-                  view.fiducials);
+  DetectFiducials(image, target.fiducials, mirrored_fiducials ? FindMarkers(image, true) : markers,
+                  options, view.fiducials);
   return view;
 }
 
 std::vector<ViewObservations> DetectInFrame(const FrameSet& frame, const RigConfig& config,
-                                            const DetectTarget& target, const DetectOptions& options) {
+                                            const DetectTarget& target,
+                                            const DetectOptions& options) {
   const std::size_t cameras = config.cameras.size();
   Require(frame.images.size() == cameras,
           "calibration: frame " + std::to_string(frame.trigger) + " has images of " +
-              std::to_string(frame.images.size()) + " cameras, the rig file has " + std::to_string(cameras));
+              std::to_string(frame.images.size()) + " cameras, the rig file has " +
+              std::to_string(cameras));
   for (std::size_t c = 0; c < cameras; ++c) {
     const CameraConfig& camera = config.cameras[c];
     if (!frame.images[c]) continue;
     Require(frame.images[c]->width == camera.width && frame.images[c]->height == camera.height,
-            "calibration: camera " + camera.serial + ", frame " + std::to_string(frame.trigger) + ": image is " +
-                std::to_string(frame.images[c]->width) + "x" + std::to_string(frame.images[c]->height) +
-                ", the rig file says " + std::to_string(camera.width) + "x" + std::to_string(camera.height) +
+            "calibration: camera " + camera.serial + ", frame " + std::to_string(frame.trigger) +
+                ": image is " + std::to_string(frame.images[c]->width) + "x" +
+                std::to_string(frame.images[c]->height) + ", the rig file says " +
+                std::to_string(camera.width) + "x" + std::to_string(camera.height) +
                 "; calibrate with the rig file of the take");
   }
   std::vector<ViewObservations> views(cameras);

@@ -1,12 +1,11 @@
 #include "calib/edge_fit.h"
 
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <vector>
-
-#include <Eigen/Cholesky>
-#include <Eigen/LU>
 
 namespace sole::calib {
 namespace {
@@ -29,7 +28,8 @@ struct Fit {
 /// Levenberg-Marquardt on brightness samples. `model(x, offset, gradient)` returns the brightness.
 template <int kParameters, typename Model>
 std::optional<Fit<kParameters>> FitSamples(const std::vector<Sample>& samples,
-                                           Eigen::Matrix<double, kParameters, 1> x, const Model& model) {
+                                           Eigen::Matrix<double, kParameters, 1> x,
+                                           const Model& model) {
   using Vector = Eigen::Matrix<double, kParameters, 1>;
   using Matrix = Eigen::Matrix<double, kParameters, kParameters>;
   const auto linearise = [&](const Vector& at, Matrix& normal, Vector& right) {
@@ -105,12 +105,14 @@ double SaddleBrightness(const Eigen::Matrix<double, 9, 1>& x, const Eigen::Vecto
   return x[0] + x.segment<2>(1).dot(p) + b * gradient[3];
 }
 
-/// x: a, slope along the edge, b, distance of the edge, its angle, blur. `along` and `across` as offset.
+/// x: a, slope along the edge, b, distance of the edge, its angle, blur. `along` and `across` as
+/// offset.
 double EdgeBrightness(const Eigen::Matrix<double, 6, 1>& x, const Eigen::Vector2d& p,
                       Eigen::Matrix<double, 6, 1>& gradient) {
   const double distance = p.y() - x[3] - x[4] * p.x(), blur = x[5];
   const double value = std::erf(distance / blur), slope = ErfSlope(distance / blur) / blur;
-  gradient << 1, p.x(), value, -x[2] * slope, -x[2] * slope * p.x(), -x[2] * slope * distance / blur;
+  gradient << 1, p.x(), value, -x[2] * slope, -x[2] * slope * p.x(),
+      -x[2] * slope * distance / blur;
   return x[0] + x[1] * p.x() + x[2] * value;
 }
 
@@ -127,12 +129,14 @@ bool Inside(const ImageU8& image, const Eigen::Vector2d& p, double margin) {
 }
 
 /// Pixels around the guess that show nothing but the four squares.
-std::vector<Sample> SaddleSamples(const ImageU8& image, const SaddleGuess& guess, double radius_px) {
+std::vector<Sample> SaddleSamples(const ImageU8& image, const SaddleGuess& guess,
+                                  double radius_px) {
   Eigen::Matrix2d image_from_board;
   image_from_board << guess.along_x, guess.along_y;
   const Eigen::Matrix2d board_from_image = image_from_board.inverse();
   const int reach = static_cast<int>(std::ceil(radius_px));
-  const int cx = static_cast<int>(std::lround(guess.pixel.x())), cy = static_cast<int>(std::lround(guess.pixel.y()));
+  const int cx = static_cast<int>(std::lround(guess.pixel.x())),
+            cy = static_cast<int>(std::lround(guess.pixel.y()));
   std::vector<Sample> samples;
   for (int y = cy - reach; y <= cy + reach; ++y) {
     for (int x = cx - reach; x <= cx + reach; ++x) {
@@ -146,16 +150,19 @@ std::vector<Sample> SaddleSamples(const ImageU8& image, const SaddleGuess& guess
   return samples;
 }
 
-/// An edge as a line in the image: point, unit direction, and the fit's covariance of distance and angle.
+/// An edge as a line in the image: point, unit direction, and the fit's covariance of distance and
+/// angle.
 struct EdgeLine {
   Eigen::Vector2d point, direction;
   double sigma_px;
 };
 
-std::optional<EdgeLine> FitEdge(const ImageU8& image, Eigen::Vector2d from, Eigen::Vector2d to, double strip_px) {
+std::optional<EdgeLine> FitEdge(const ImageU8& image, Eigen::Vector2d from, Eigen::Vector2d to,
+                                double strip_px) {
   std::optional<EdgeLine> line;
   for (int pass = 0; pass < 2; ++pass) {
-    const Eigen::Vector2d direction = (to - from).normalized(), normal(-direction.y(), direction.x());
+    const Eigen::Vector2d direction = (to - from).normalized(),
+                          normal(-direction.y(), direction.x());
     const Eigen::Vector2d middle = 0.5 * (from + to);
     const double half = 0.5 * (to - from).norm() - 1.5 * strip_px;
     if (half < 2) return {};
@@ -184,7 +191,8 @@ std::optional<EdgeLine> FitEdge(const ImageU8& image, Eigen::Vector2d from, Eige
     }
     // Samples half a pixel apart and interpolated share noise: about four of them are worth one.
     const double sigma = 2 * std::sqrt(fit->covariance(3, 3) + fit->covariance(4, 4) * half * half);
-    line = EdgeLine{middle + fit->x[3] * normal, (direction + fit->x[4] * normal).normalized(), sigma};
+    line =
+        EdgeLine{middle + fit->x[3] * normal, (direction + fit->x[4] * normal).normalized(), sigma};
     // The second pass follows the edge that the first one found.
     const Eigen::Vector2d shift_from = fit->x[3] * normal - half * fit->x[4] * normal;
     const Eigen::Vector2d shift_to = fit->x[3] * normal + half * fit->x[4] * normal;
@@ -196,7 +204,8 @@ std::optional<EdgeLine> FitEdge(const ImageU8& image, Eigen::Vector2d from, Eige
 
 }  // namespace
 
-std::optional<FittedPoint> FitSaddle(const ImageU8& image, const SaddleGuess& guess, double radius_px) {
+std::optional<FittedPoint> FitSaddle(const ImageU8& image, const SaddleGuess& guess,
+                                     double radius_px) {
   FittedPoint point{guess.pixel, 0};
   SaddleGuess current = guess;
   for (int pass = 0; pass < 2; ++pass) {
@@ -209,8 +218,10 @@ std::optional<FittedPoint> FitSaddle(const ImageU8& image, const SaddleGuess& gu
     }
     if (samples.empty()) return {};
     mean /= static_cast<double>(samples.size());
-    const double spread = std::sqrt(std::max(0.0, square / static_cast<double>(samples.size()) - mean * mean));
-    // Normals of the lines: the line y = 0 runs along the rows; its normal points to positive y, and so on.
+    const double spread =
+        std::sqrt(std::max(0.0, square / static_cast<double>(samples.size()) - mean * mean));
+    // Normals of the lines: the line y = 0 runs along the rows; its normal points to positive y,
+    // and so on.
     const auto normal_angle = [](const Eigen::Vector2d& along, const Eigen::Vector2d& towards) {
       Eigen::Vector2d normal(-along.y(), along.x());
       if (normal.dot(towards) < 0) normal = -normal;
@@ -218,7 +229,8 @@ std::optional<FittedPoint> FitSaddle(const ImageU8& image, const SaddleGuess& gu
     };
     Eigen::Matrix<double, 9, 1> x;
     x << mean, 0, 0, guess.white_first ? spread : -spread, 0, 0,
-        normal_angle(current.along_x, current.along_y), normal_angle(current.along_y, current.along_x), 1.0;
+        normal_angle(current.along_x, current.along_y),
+        normal_angle(current.along_y, current.along_x), 1.0;
     const auto fit = FitSamples<9>(samples, x, SaddleBrightness);
     if (!fit) return {};
     const double contrast = guess.white_first ? fit->x[3] : -fit->x[3];
@@ -253,7 +265,9 @@ std::optional<std::array<FittedPoint, 4>> FitSquare(const ImageU8& image,
     if (sine < 0.15) return {};
     const Eigen::Vector2d t = directions.inverse() * (after.point - before.point);
     fitted[i].pixel = before.point + t.x() * before.direction;
-    fitted[i].sigma_px = std::sqrt(0.5 * (before.sigma_px * before.sigma_px + after.sigma_px * after.sigma_px)) / sine;
+    fitted[i].sigma_px =
+        std::sqrt(0.5 * (before.sigma_px * before.sigma_px + after.sigma_px * after.sigma_px)) /
+        sine;
     if (!((fitted[i].pixel - corners[i]).norm() < 2 * strip_px)) return {};
   }
   return fitted;

@@ -1,12 +1,11 @@
 #include "calib/judge.h"
 
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <map>
-
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 
 namespace sole::calib {
 namespace {
@@ -16,14 +15,18 @@ struct Seen {
   Eigen::Vector2d pixel;
 };
 
-/// Point from two or more views; not finite if they do not suffice or disagree by more than `reject_px`.
+/// Point from two or more views; not finite if they do not suffice or disagree by more than
+/// `reject_px`.
 Eigen::Vector3d Triangulate(const Rig& rig, const std::vector<Seen>& views, double reject_px) {
   std::vector<Ray> rays;
-  for (const Seen& view : views) rays.push_back(RayFromPixel(rig.cameras[view.camera], rig.plate, view.pixel));
+  for (const Seen& view : views)
+    rays.push_back(RayFromPixel(rig.cameras[view.camera], rig.plate, view.pixel));
   const Eigen::Vector3d point = NearestPoint(rays);
   for (const Seen& view : views) {
-    const double miss = (PixelFromWorld(rig.cameras[view.camera], rig.plate, point) - view.pixel).norm();
-    if (!(miss <= reject_px)) return Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
+    const double miss =
+        (PixelFromWorld(rig.cameras[view.camera], rig.plate, point) - view.pixel).norm();
+    if (!(miss <= reject_px))
+      return Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
   }
   return point;
 }
@@ -81,7 +84,8 @@ LengthErrors JudgeTarget(const Rig& rig, ViewSide side, const TakeObservations& 
     }
     for (std::size_t i = 0; i < found.size(); ++i) {
       for (std::size_t j = i + 1; j < found.size(); ++j) {
-        sum.Add((found[i].first - found[j].first).norm() - (found[i].second - found[j].second).norm());
+        sum.Add((found[i].first - found[j].first).norm() -
+                (found[i].second - found[j].second).norm());
       }
     }
   }
@@ -103,7 +107,8 @@ LengthErrors JudgeGround(const Rig& rig, const TakeObservations& take, double re
   for (const auto& [point, cameras] : sums) {
     if (cameras.size() < 2) continue;
     std::vector<Seen> views;
-    for (const auto& [camera, entry] : cameras) views.push_back({camera, entry.first / entry.second});
+    for (const auto& [camera, entry] : cameras)
+      views.push_back({camera, entry.first / entry.second});
     const Eigen::Vector3d world = Triangulate(rig, views, reject_px);
     if (world.allFinite()) {
       sum.Add(world.z());

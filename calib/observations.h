@@ -1,16 +1,15 @@
 #pragma once
 
-#include <vector>
-
 #include <Eigen/Core>
+#include <vector>
 
 #include "core/rig_config.h"
 #include "core/target.h"
 
 namespace sole::calib {
 
-/// One measured image point. `point` indexes TargetCorners or FiducialCornerPoints; `sigma_px` is the standard
-/// deviation of each image coordinate.
+/// One measured image point. `point` indexes TargetCorners or FiducialCornerPoints; `sigma_px` is
+/// the standard deviation of each image coordinate.
 struct PointObservation {
   int point = -1;
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
@@ -23,13 +22,14 @@ struct ViewObservations {
   std::vector<PointObservation> fiducials;
 };
 
-/// frames[f][c]: frame f of the take, camera c in rig order. The target stands in another pose in every
-/// frame; cameras and fiducials do not move.
+/// frames[f][c]: frame f of the take, camera c in rig order. The target stands in another pose in
+/// every frame; cameras and fiducials do not move.
 struct TakeObservations {
   std::vector<std::vector<ViewObservations>> frames;
 };
 
-/// All inner chessboard corners of the body in the body frame, face after face in CornerInBody's order (m).
+/// All inner chessboard corners of the body in the body frame, face after face in CornerInBody's
+/// order (m).
 std::vector<Eigen::Vector3d> TargetCorners(const CalibrationBody& body);
 
 /// Corners of all fiducials in the world frame, four per fiducial in FiducialCorners' order (m).

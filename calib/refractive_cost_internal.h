@@ -1,21 +1,23 @@
 #pragma once
 
-#include <Eigen/Core>
 #include <ceres/ceres.h>
 #include <ceres/rotation.h>
+
+#include <Eigen/Core>
 
 #include "core/plate.h"
 #include "core/rigid3.h"
 
 namespace sole::calib {
 
-/// A pose as the adjustment varies it: a block of 6 values d = (rotation vector, translation) about the fixed
-/// `reference`, R = exp(d[0..2]) R_ref, t = t_ref + d[3..5]. No manifold is needed and the covariance at d = 0
-/// is that of a small rotation on the left.
+/// A pose as the adjustment varies it: a block of 6 values d = (rotation vector, translation) about
+/// the fixed `reference`, R = exp(d[0..2]) R_ref, t = t_ref + d[3..5]. No manifold is needed and
+/// the covariance at d = 0 is that of a small rotation on the left.
 inline constexpr int kPoseSize = 6;
 
 template <typename T>
-Eigen::Matrix<T, 3, 1> Apply(const Rigid3& reference, const T* d, const Eigen::Matrix<T, 3, 1>& point) {
+Eigen::Matrix<T, 3, 1> Apply(const Rigid3& reference, const T* d,
+                             const Eigen::Matrix<T, 3, 1>& point) {
   const Eigen::Matrix<T, 3, 1> rotated = reference.rotation.cast<T>() * point;
   Eigen::Matrix<T, 3, 1> moved;
   ceres::AngleAxisRotatePoint(d, rotated.data(), moved.data());
@@ -73,26 +75,29 @@ struct TargetResidual {
   Eigen::Vector3d point_in_body;
 
   template <typename T>
-  bool operator()(const T* camera, const T* intrinsics, const T* body, const T* thickness, T* residual) const {
+  bool operator()(const T* camera, const T* intrinsics, const T* body, const T* thickness,
+                  T* residual) const {
     const Eigen::Matrix<T, 3, 1> in_body = point_in_body.cast<T>();
-    return projection.Evaluate<T>(camera, intrinsics, thickness, Apply<T>(world_from_body, body, in_body),
-                                  residual);
+    return projection.Evaluate<T>(camera, intrinsics, thickness,
+                                  Apply<T>(world_from_body, body, in_body), residual);
   }
   static ceres::CostFunction* Create(const TargetResidual& residual) {
-    return new ceres::AutoDiffCostFunction<TargetResidual, 2, kPoseSize, kNumIntrinsics, kPoseSize, 1>(
-        new TargetResidual(residual));
+    return new ceres::AutoDiffCostFunction<TargetResidual, 2, kPoseSize, kNumIntrinsics, kPoseSize,
+                                           1>(new TargetResidual(residual));
   }
 };
 
-/// A corner of a fiducial on the glass top: camera pose 6, intrinsics 9, offset of the fiducial 2, thickness 1.
+/// A corner of a fiducial on the glass top: camera pose 6, intrinsics 9, offset of the fiducial 2,
+/// thickness 1.
 struct FiducialResidual {
   RefractedResidual projection;
   Eigen::Vector3d point_in_world;
 
   template <typename T>
-  bool operator()(const T* camera, const T* intrinsics, const T* offset, const T* thickness, T* residual) const {
-    const Eigen::Matrix<T, 3, 1> point(point_in_world.x() + offset[0], point_in_world.y() + offset[1],
-                                       T(point_in_world.z()));
+  bool operator()(const T* camera, const T* intrinsics, const T* offset, const T* thickness,
+                  T* residual) const {
+    const Eigen::Matrix<T, 3, 1> point(point_in_world.x() + offset[0],
+                                       point_in_world.y() + offset[1], T(point_in_world.z()));
     return projection.Evaluate<T>(camera, intrinsics, thickness, point, residual);
   }
   static ceres::CostFunction* Create(const FiducialResidual& residual) {

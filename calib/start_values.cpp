@@ -1,15 +1,14 @@
 #include "calib/start_values.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <map>
-#include <optional>
-#include <string>
-
-#include <Eigen/Eigenvalues>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
+#include <optional>
+#include <string>
 
 #include "core/error.h"
 
@@ -35,11 +34,13 @@ bool AllInOnePlane(const std::vector<Eigen::Vector3d>& points) {
     centred.row(static_cast<Eigen::Index>(i)) = (points[i] - mean).transpose();
   }
   const Eigen::Matrix3d scatter = centred.transpose() * centred;
-  const Eigen::Vector3d values = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter).eigenvalues();
+  const Eigen::Vector3d values =
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter).eigenvalues();
   return values[0] < 1e-8 * values[2];
 }
 
-/// Candidate poses (camera from the points' frame), best first; empty if the points do not suffice. The plate is ignored.
+/// Candidate poses (camera from the points' frame), best first; empty if the points do not suffice.
+/// The plate is ignored.
 std::vector<Rigid3> SolvePnp(const Camera& camera, const std::vector<Eigen::Vector3d>& points,
                              const std::vector<Eigen::Vector2d>& pixels) {
   if (points.size() < kMinPnpCorners) return {};
@@ -69,7 +70,8 @@ std::vector<Rigid3> SolvePnp(const Camera& camera, const std::vector<Eigen::Vect
 }
 
 /// Median pixel of each fiducial corner over all frames.
-std::map<int, Eigen::Vector2d> FiducialMedians(const TakeObservations& observations, std::size_t camera) {
+std::map<int, Eigen::Vector2d> FiducialMedians(const TakeObservations& observations,
+                                               std::size_t camera) {
   std::map<int, std::pair<std::vector<double>, std::vector<double>>> seen;
   for (const auto& frame : observations.frames) {
     for (const PointObservation& o : frame[camera].fiducials) {
@@ -91,12 +93,13 @@ std::map<int, Eigen::Vector2d> FiducialMedians(const TakeObservations& observati
 
 double CostOf(const AdjustState& state, std::size_t camera, const Eigen::Vector3d& point,
               const Eigen::Vector2d& pixel) {
-  const double distance = (PixelFromWorld(state.cameras[camera], state.plate, point) - pixel).norm() / 20.0;
+  const double distance =
+      (PixelFromWorld(state.cameras[camera], state.plate, point) - pixel).norm() / 20.0;
   return distance < 1 ? distance * distance : 1.0;  // NaN counts 1
 }
 
-/// Pose from the fiducials alone. The plate enters by moving the points to where they appear from the current
-/// centre, three times over.
+/// Pose from the fiducials alone. The plate enters by moving the points to where they appear from
+/// the current centre, three times over.
 std::optional<Rigid3> PoseFromFiducials(AdjustState state, std::size_t camera,
                                         const std::map<int, Eigen::Vector2d>& medians,
                                         const std::vector<Eigen::Vector3d>& corners) {
@@ -120,12 +123,14 @@ std::optional<Rigid3> PoseFromFiducials(AdjustState state, std::size_t camera,
       if (again.empty()) break;
       // Of the two solutions of a plane, follow the one we came from.
       pose = *std::min_element(again.begin(), again.end(), [&](const Rigid3& a, const Rigid3& b) {
-        return a.rotation.angularDistance(pose.rotation) < b.rotation.angularDistance(pose.rotation);
+        return a.rotation.angularDistance(pose.rotation) <
+               b.rotation.angularDistance(pose.rotation);
       });
     }
     state.cameras[camera].cam_from_world = pose;
     double cost = 0;
-    for (std::size_t i = 0; i < world.size(); ++i) cost += CostOf(state, camera, world[i], pixels[i]);
+    for (std::size_t i = 0; i < world.size(); ++i)
+      cost += CostOf(state, camera, world[i], pixels[i]);
     if (cost < best_cost) {
       best_cost = cost;
       best = pose;
@@ -174,7 +179,8 @@ class Placer {
         if (!placed_[c]) continue;
         for (const Rigid3& cam_from_body : table_[f][c]) {
           const Rigid3 candidate = state_.cameras[c].cam_from_world.Inverse() * cam_from_body;
-          const double cost = PoseCost(state_, observations_.frames[f], corners_, candidate, placed_);
+          const double cost =
+              PoseCost(state_, observations_.frames[f], corners_, candidate, placed_);
           if (cost < best) {
             best = cost;
             state_.world_from_body[f] = candidate;
@@ -222,7 +228,8 @@ class Placer {
     double cost = 0;
     for (std::size_t f = 0; f < table_.size(); ++f) {
       if (has_pose_[f]) {
-        cost += PoseCost(state_, observations_.frames[f], corners_, state_.world_from_body[f], only);
+        cost +=
+            PoseCost(state_, observations_.frames[f], corners_, state_.world_from_body[f], only);
       }
     }
     return cost;
@@ -273,21 +280,24 @@ AdjustState StartValues(const RigConfig& config, const TakeObservations& observa
   AdjustState state = NominalState(config, observations.frames.size());
   std::vector<bool> placed(state.cameras.size(), false);
   for (std::size_t c = 0; c < state.cameras.size(); ++c) {
-    const auto pose = PoseFromFiducials(state, c, FiducialMedians(observations, c), fiducial_corners);
+    const auto pose =
+        PoseFromFiducials(state, c, FiducialMedians(observations, c), fiducial_corners);
     if (!pose) continue;
     state.cameras[c].cam_from_world = *pose;
     placed[c] = true;
   }
-  Require(std::find(placed.begin(), placed.end(), true) != placed.end(),
-          "calibration: no camera sees two fiducials of the plate, which define the world frame; check "
-          "[[plate.fiducial]] in the rig file, light and focus");
+  Require(
+      std::find(placed.begin(), placed.end(), true) != placed.end(),
+      "calibration: no camera sees two fiducials of the plate, which define the world frame; check "
+      "[[plate.fiducial]] in the rig file, light and focus");
   Placer placer(state, observations, target_corners, placed);
   placer.PlaceTargets();
   while (placer.PlaceCameras() > 0) placer.PlaceTargets();
   for (std::size_t c = 0; c < state.cameras.size(); ++c) {
-    Require(placer.Placed()[c], "calibration: camera " + state.cameras[c].serial +
-                                    " sees no fiducials and no target pose that a placed camera sees; record "
-                                    "poses that it shares with another camera");
+    Require(placer.Placed()[c],
+            "calibration: camera " + state.cameras[c].serial +
+                " sees no fiducials and no target pose that a placed camera sees; record "
+                "poses that it shares with another camera");
   }
   return state;
 }

@@ -1,23 +1,23 @@
 #include "calib/edge_fit.h"
 
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
 #include <cmath>
 #include <functional>
 #include <numbers>
 #include <random>
 
-#include <Eigen/LU>
-#include <gtest/gtest.h>
-
 namespace sole::calib {
 namespace {
 
-/// Picture of a black-white plane pattern: 8 x 8 samples a pixel, box blur of one pixel, noise, 8 bits.
-ImageU8 Draw(int width, int height, const std::function<bool(double, double)>& white, double noise, std::uint64_t seed,
-             double low = 40, double high = 200) {
+/// Picture of a black-white plane pattern: 10 x 10 samples over two pixels, noise, 8 bits.
+ImageU8 Draw(int width, int height, const std::function<bool(double, double)>& white, double noise,
+             std::uint64_t seed, double low = 40, double high = 200) {
   std::mt19937_64 random(seed);
   std::normal_distribution<double> normal;
   ImageU8 image(width, height);
-  constexpr int kSamples = 16;
+  constexpr int kSamples = 10;
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       int count = 0;
@@ -27,7 +27,8 @@ ImageU8 Draw(int width, int height, const std::function<bool(double, double)>& w
           count += white(x - 1 + (i + 0.5) * 2 / kSamples, y - 1 + (j + 0.5) * 2 / kSamples);
         }
       }
-      const double value = low + (high - low) * count / (kSamples * kSamples) + 0.3 * x + noise * normal(random);
+      const double value =
+          low + (high - low) * count / (kSamples * kSamples) + 0.3 * x + noise * normal(random);
       image.At(x, y) = static_cast<std::uint8_t>(std::lround(std::clamp(value, 0.0, 255.0)));
     }
   }
@@ -48,20 +49,27 @@ Slanted RandomSlant(std::mt19937_64& random) {
   const double angle = 2 * std::numbers::pi * uniform(random), skew = 1.0 + uniform(random);
   return {{20 + uniform(random), 20 + uniform(random)},
           40 * Eigen::Vector2d(std::cos(angle), std::sin(angle)),
-          (20 + 20 * uniform(random)) * Eigen::Vector2d(std::cos(angle + skew), std::sin(angle + skew))};
+          (20 + 20 * uniform(random)) *
+              Eigen::Vector2d(std::cos(angle + skew), std::sin(angle + skew))};
 }
 
 TEST(FitSaddle, FindsSlantedCornersAtEverySubpixelPlace) {
   std::mt19937_64 random(1);
   std::normal_distribution<double> normal;
   double squares = 0, normalised = 0;
-  constexpr int kTrials = 60;
+  constexpr int kTrials = 40;
   for (int trial = 0; trial < kTrials; ++trial) {
     const Slanted slant = RandomSlant(random);
     const ImageU8 image = Draw(
-        41, 41, [&](double x, double y) { const auto b = slant.Board(x, y); return b.x() * b.y() > 0; }, 2, 50);
-    SaddleGuess guess{slant.centre + Eigen::Vector2d(normal(random), normal(random)).cwiseMax(-1.5).cwiseMin(1.5),
-                      slant.along_x, slant.along_y, 0.3, true};
+        41, 41,
+        [&](double x, double y) {
+          const auto b = slant.Board(x, y);
+          return b.x() * b.y() > 0;
+        },
+        2, 50);
+    SaddleGuess guess{
+        slant.centre + Eigen::Vector2d(normal(random), normal(random)).cwiseMax(-1.5).cwiseMin(1.5),
+        slant.along_x, slant.along_y, 0.3, true};
     const auto point = FitSaddle(image, guess, 8);
     ASSERT_TRUE(point) << trial;
     const double error = (point->pixel - slant.centre).squaredNorm() / 2;
@@ -75,8 +83,13 @@ TEST(FitSaddle, FindsSlantedCornersAtEverySubpixelPlace) {
 
 TEST(FitSaddle, SaturationDoesNotMoveIt) {
   const Slanted slant{{20.3, 20.7}, {35, 10}, {-8, 30}};
-  const ImageU8 image =
-      Draw(41, 41, [&](double x, double y) { const auto b = slant.Board(x, y); return b.x() * b.y() > 0; }, 0, 1, 20, 400);
+  const ImageU8 image = Draw(
+      41, 41,
+      [&](double x, double y) {
+        const auto b = slant.Board(x, y);
+        return b.x() * b.y() > 0;
+      },
+      0, 1, 20, 400);
   const auto point = FitSaddle(image, {{20, 21}, slant.along_x, slant.along_y, 0.3, true}, 8);
   ASSERT_TRUE(point);
   EXPECT_LT((point->pixel - slant.centre).norm(), 0.03);
@@ -84,12 +97,19 @@ TEST(FitSaddle, SaturationDoesNotMoveIt) {
 
 TEST(FitSaddle, RefusesWrongSignEdgesAndFlatPictures) {
   const Slanted slant{{20.3, 20.7}, {35, 10}, {-8, 30}};
-  const ImageU8 saddle =
-      Draw(41, 41, [&](double x, double y) { const auto b = slant.Board(x, y); return b.x() * b.y() > 0; }, 1, 1);
+  const ImageU8 saddle = Draw(
+      41, 41,
+      [&](double x, double y) {
+        const auto b = slant.Board(x, y);
+        return b.x() * b.y() > 0;
+      },
+      1, 1);
   EXPECT_FALSE(FitSaddle(saddle, {{20, 21}, slant.along_x, slant.along_y, 0.3, false}, 8));
-  const ImageU8 edge = Draw(41, 41, [&](double x, double y) { return slant.Board(x, y).x() > 0; }, 1, 1);
+  const ImageU8 edge = Draw(
+      41, 41, [&](double x, double y) { return slant.Board(x, y).x() > 0; }, 1, 1);
   EXPECT_FALSE(FitSaddle(edge, {{20, 21}, slant.along_x, slant.along_y, 0.3, true}, 8));
-  EXPECT_FALSE(FitSaddle(ImageU8(41, 41, 90), {{20, 21}, slant.along_x, slant.along_y, 0.3, true}, 8));
+  EXPECT_FALSE(
+      FitSaddle(ImageU8(41, 41, 90), {{20, 21}, slant.along_x, slant.along_y, 0.3, true}, 8));
   EXPECT_FALSE(FitSaddle(saddle, {{3, 21}, slant.along_x, slant.along_y, 0.3, true}, 8));
 }
 
@@ -104,7 +124,8 @@ TEST(FitSquare, IntersectsTheEdges) {
                         {20 + uniform(random), 3 * uniform(random)},
                         {8 * uniform(random), -22 + uniform(random)}};
     const ImageU8 image = Draw(
-        71, 71, [&](double x, double y) { return slant.Board(x, y).cwiseAbs().maxCoeff() > 1; }, 2, 60);
+        71, 71, [&](double x, double y) { return slant.Board(x, y).cwiseAbs().maxCoeff() > 1; }, 2,
+        60);
     std::array<Eigen::Vector2d, 4> corners, guess;
     const double sign[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
     for (std::size_t i = 0; i < 4; ++i) {
@@ -113,7 +134,8 @@ TEST(FitSquare, IntersectsTheEdges) {
     }
     const auto fitted = FitSquare(image, guess, 2.5);
     ASSERT_TRUE(fitted) << trial;
-    for (std::size_t i = 0; i < 4; ++i) squares += ((*fitted)[i].pixel - corners[i]).squaredNorm() / 2;
+    for (std::size_t i = 0; i < 4; ++i)
+      squares += ((*fitted)[i].pixel - corners[i]).squaredNorm() / 2;
   }
   EXPECT_LT(std::sqrt(squares / (4 * kTrials)), 0.03);
   EXPECT_FALSE(FitSquare(ImageU8(71, 71, 90), {{{10, 10}, {50, 10}, {50, 50}, {10, 50}}}, 2.5));
