@@ -132,6 +132,15 @@ TEST(CameraStream, PacketDelayIsHonoured) {
   EXPECT_GE(took.count(), 1e-9 * kDelayNs * payload_packets);
 }
 
+TEST(CameraStream, TestPacketsFindTheLargestPacket) {
+  const ServedRig rig(81, 1);
+  const ArvClient client(rig.addresses[0]);
+  // Aravis halves the interval between a size that came through and the limit of 65500.
+  const unsigned size = arv_gv_device_auto_packet_size(ARV_GV_DEVICE(client.Device()), SOLE_ARV_OK);
+  EXPECT_GE(size, 65490U);
+  EXPECT_EQ(arv_camera_gv_get_packet_size(client.Camera(), SOLE_ARV_OK), size);
+}
+
 TEST(CameraStream, PacketsOutsideTheRingAreUnavailable) {
   const ServedRig rig(81, 1);
   const std::string& address = rig.addresses[0];
