@@ -195,27 +195,30 @@ void WriteFit(const fs::path& path, const FitSequence& fit) {
       return Stack(fit.frames, name, 3,
                    [member](const FrameFit& f) -> const Eigen::MatrixX3d& { return f.*member; });
     };
-    const NpyArray vertex_sd =
-        Stack(fit.frames, "vertex_sd_m", 1,
-              [](const FrameFit& f) -> const Eigen::VectorXd& { return f.vertex_sd_m; });
-    WriteNpz(path,
-             {{"format", NpyFrom(std::string("sole-fit"))},
-              {"version", Scalar(kVersion)},
-              {"units", NpyFrom(std::string("m, rad; world frame"))},
-              {"frames", NpyFrom(triggers)},
-              {"found", NpyFrom(found)},
-              {"side", NpyFrom(side)},
-              {"verdict", NpyFrom(verdict)},
-              {"residual_m", NpyFrom(residual)},
-              {"beta", Reshaped(NpyFrom(fit.beta), {Size(fit.beta.size())})},
-              {"beta_sd", Reshaped(NpyFrom(fit.beta_sd), {Size(fit.beta_sd.size())})},
-              {"translation_m", NpyFrom(translation)},
-              {"theta", stack("theta", &FrameFit::theta)},
-              {"theta_sd", stack("theta_sd", &FrameFit::theta_sd)},
-              {"vertices_m", stack("vertices_m", &FrameFit::vertices_m)},
-              {"registration_m", stack("registration_m", &FrameFit::registration_m)},
-              {"registration_fine_m", stack("registration_fine_m", &FrameFit::registration_fine_m)},
-              {"vertex_sd_m", vertex_sd}});
+    const auto stack_scalars = [&](const char* name, auto member) {
+      return Stack(fit.frames, name, 1,
+                   [member](const FrameFit& f) -> const Eigen::VectorXd& { return f.*member; });
+    };
+    WriteNpz(
+        path,
+        {{"format", NpyFrom(std::string("sole-fit"))},
+         {"version", Scalar(kVersion)},
+         {"units", NpyFrom(std::string("m, rad; world frame"))},
+         {"frames", NpyFrom(triggers)},
+         {"found", NpyFrom(found)},
+         {"side", NpyFrom(side)},
+         {"verdict", NpyFrom(verdict)},
+         {"residual_m", NpyFrom(residual)},
+         {"beta", Reshaped(NpyFrom(fit.beta), {Size(fit.beta.size())})},
+         {"beta_sd", Reshaped(NpyFrom(fit.beta_sd), {Size(fit.beta_sd.size())})},
+         {"translation_m", NpyFrom(translation)},
+         {"theta", stack("theta", &FrameFit::theta)},
+         {"theta_sd", stack("theta_sd", &FrameFit::theta_sd)},
+         {"vertices_m", stack("vertices_m", &FrameFit::vertices_m)},
+         {"registration_m", stack("registration_m", &FrameFit::registration_m)},
+         {"registration_fine_m", stack("registration_fine_m", &FrameFit::registration_fine_m)},
+         {"registration_sd_m", stack_scalars("registration_sd_m", &FrameFit::registration_sd_m)},
+         {"vertex_sd_m", stack_scalars("vertex_sd_m", &FrameFit::vertex_sd_m)}});
   });
 }
 
@@ -237,6 +240,7 @@ FitSequence ReadFit(const fs::path& path) {
     const Eigen::MatrixXd registration = Rows(npz, "registration_m", frames, 3);
     const Eigen::MatrixXd fine = Rows(npz, "registration_fine_m", frames, 3);
     const Eigen::MatrixXd vertex_sd = Rows(npz, "vertex_sd_m", frames, 2);
+    const Eigen::MatrixXd registration_sd = Rows(npz, "registration_sd_m", frames, 2);
     const std::vector<std::string> side = StringsFrom(npz, "side"),
                                    verdict = StringsFrom(npz, "verdict");
     Require(side.size() == frames && verdict.size() == frames,
@@ -254,6 +258,7 @@ FitSequence ReadFit(const fs::path& path) {
       frame.registration_fine_m = PointsOf(fine, row);
       frame.theta_sd = PointsOf(theta_sd, row);
       frame.vertex_sd_m = vertex_sd.row(row).transpose();
+      frame.registration_sd_m = registration_sd.row(row).transpose();
       frame.residual_m = residual(row);
       frame.verdict = verdict[f];
       fit.frames.push_back(std::move(frame));

@@ -31,6 +31,7 @@ FrameFit MakeFit(std::int64_t trigger) {
   fit.registration_m = Eigen::MatrixX3d::Random(7, 3);
   fit.registration_fine_m = Eigen::MatrixX3d::Random(11, 3);
   fit.vertex_sd_m = Eigen::VectorXd::Random(7);
+  fit.registration_sd_m = Eigen::VectorXd::Random(7);
   fit.residual_m = 1.25e-4;
   fit.verdict = "good";
   return fit;
@@ -62,6 +63,7 @@ TEST(Fit, RoundTripsAndFillsFramesWithoutAFootWithNan) {
     EXPECT_EQ(b.registration_m, a.registration_m);
     EXPECT_EQ(b.registration_fine_m, a.registration_fine_m);
     EXPECT_EQ(b.vertex_sd_m, a.vertex_sd_m);
+    EXPECT_EQ(b.registration_sd_m, a.registration_sd_m);
     EXPECT_EQ(b.residual_m, a.residual_m);
     EXPECT_EQ(b.verdict, "good");
   }

@@ -86,7 +86,7 @@ int Fuzz(const fs::path& path, const std::string& valid, int rounds,
       ADD_FAILURE() << "round " << round << ": not a sole::Error: " << error.what();
     }
   }
-  EXPECT_LT(PeakMemoryKib() - before, 200 * 1024)
+  EXPECT_LT(PeakMemoryKib() - before, 512 * 1024)
       << "a damaged file of " << valid.size() << " bytes";
   return accepted;
 }
