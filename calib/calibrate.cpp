@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstdio>
 #include <ctime>
 #include <map>
 #include <string>
@@ -107,6 +108,32 @@ Split Divide(const RigConfig& config, const TakeObservations& observations,
   return split;
 }
 
+void RequireAgreement(const AdjustResult& adjusted, const CalibrateOptions& options) {
+  int kept = 0;
+  for (const int corners : adjusted.camera_corners) kept += corners;
+  const double share =
+      static_cast<double>(adjusted.outliers) / std::max(1, kept + adjusted.outliers);
+  Require(share <= options.max_outlier_share,
+          "calibration: " + std::to_string(std::lround(100 * share)) +
+              " % of the measured points contradict the others; check the sizes in [target] and "
+              "[[plate.fiducial]] of the rig file, and that nothing but the target moved");
+  // A target of another scale shows as fiducials that all lie elsewhere.
+  double squares = 0;
+  for (const Eigen::Vector2d& offset : adjusted.state.fiducial_offset_m) {
+    squares += offset.squaredNorm();
+  }
+  const double count = static_cast<double>(adjusted.state.fiducial_offset_m.size());
+  const double rms_m = std::sqrt(squares / std::max(1.0, count));
+  char text[32];
+  std::snprintf(text, sizeof text, "%.2f mm", 1000 * rms_m);
+  Require(
+      rms_m <= options.max_fiducial_sigmas * options.adjust.fiducial_tolerance_m,
+      std::string("calibration: target and fiducials contradict each other: measured with the "
+                  "target, the fiducials lie ") +
+          text +
+          " from their places; check the sizes in [target] and [[plate.fiducial]] of the rig file");
+}
+
 std::string NowUtc() {
   const std::time_t now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
   std::tm utc{};
@@ -121,11 +148,12 @@ std::string NowUtc() {
 TakeObservations Observe(const RigConfig& config, FrameSource& takes,
                          const DetectOptions& options) {
   const DetectTarget target = TargetOf(config);
-  TakeObservations observations;
+  TakeObservations speckle, texture;
   while (const auto frame = takes.Next()) {
-    observations.frames.push_back(DetectInFrame(*frame, config, target, options));
+    TakeObservations& kind = frame->kind == ExposureKind::kSpeckle ? speckle : texture;
+    kind.frames.push_back(DetectInFrame(*frame, config, target, options));
   }
-  return observations;
+  return texture.frames.empty() ? speckle : texture;
 }
 
 Calibration CalibrateFromObservations(const RigConfig& config, const TakeObservations& observations,
@@ -137,6 +165,7 @@ Calibration CalibrateFromObservations(const RigConfig& config, const TakeObserva
   const Split split = Divide(config, observations, options);
   const AdjustState start = StartValues(config, split.adjust, corners, fiducials);
   const AdjustResult adjusted = Adjust(start, split.adjust, corners, fiducials, options.adjust);
+  RequireAgreement(adjusted, options);
 
   Calibration result;
   result.rig.cameras = adjusted.state.cameras;

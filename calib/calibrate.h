@@ -15,10 +15,13 @@ struct CalibrateOptions {
   int heldout_every = 5;      ///< every fifth pose of the target judges instead of being adjusted
   int min_poses = 6;          ///< usable poses without which no calibration is tried
   int min_camera_frames = 3;  ///< frames in which every camera must see the target
-  int min_frame_corners = 8;  ///< corners over all cameras that make a frame usable
+  double max_outlier_share = 0.2;  ///< of all points; more means that they do not fit together
+  double max_fiducial_sigmas = 5;  ///< RMS displacement of the fiducials over their tolerance
+  int min_frame_corners = 8;       ///< corners over all cameras that make a frame usable
 };
 
-/// Corners in all frame sets of `takes`. Throws Error if an image has the wrong size.
+/// Corners in all frame sets of `takes`; frames lit by speckle are left out if there are others.
+/// Throws Error if an image has the wrong size.
 TakeObservations Observe(const RigConfig& config, FrameSource& takes,
                          const DetectOptions& options = {});
 
@@ -28,7 +31,8 @@ TakeObservations Observe(const RigConfig& config, FrameSource& takes,
 /// fiducials define.
 ///
 /// Throws Error if there are too few poses, a camera never sees the target, no fiducial is seen, an
-/// image has another size than the rig file says or the images do not determine the cameras.
+/// image has another size than the rig file says, the points contradict each other (a target or
+/// fiducials of other sizes) or do not determine the cameras.
 Calibration Calibrate(const RigConfig& config, FrameSource& takes,
                       const CalibrateOptions& options = {});
 

@@ -104,6 +104,7 @@ LengthErrors JudgeGround(const Rig& rig, const TakeObservations& take, double re
     }
   }
   ErrorSum sum;
+  std::map<int, std::pair<double, int>> heights;  // of each fiducial: sum, corners
   for (const auto& [point, cameras] : sums) {
     if (cameras.size() < 2) continue;
     std::vector<Seen> views;
@@ -111,11 +112,14 @@ LengthErrors JudgeGround(const Rig& rig, const TakeObservations& take, double re
       views.push_back({camera, entry.first / entry.second});
     const Eigen::Vector3d world = Triangulate(rig, views, reject_px);
     if (world.allFinite()) {
-      sum.Add(world.z());
+      auto& height = heights[point / 4];
+      height.first += world.z();
+      ++height.second;
     } else {
       ++sum.errors.rejected;
     }
   }
+  for (const auto& [fiducial, height] : heights) sum.Add(height.first / height.second);
   return sum.Result();
 }
 

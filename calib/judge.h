@@ -27,8 +27,8 @@ LengthErrors JudgeTarget(const Rig& rig, ViewSide side, const TakeObservations& 
                          const std::vector<Eigen::Vector3d>& target_corners,
                          double reject_px = 1.0);
 
-/// Distance of triangulated fiducial corners (mean pixels over the take, all cameras that see them,
-/// two or more) from the glass top z = 0: RMS in `rms_mm`.
+/// Distance of triangulated fiducials from the glass top z = 0: RMS in `rms_mm`. A fiducial is the
+/// mean of its corners (mean pixels over the take, all cameras that see them, two or more).
 LengthErrors JudgeGround(const Rig& rig, const TakeObservations& take, double reject_px = 1.0);
 
 /// Point nearest to all rays in the least-squares sense. Not finite for fewer than two or parallel
