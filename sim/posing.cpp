@@ -59,7 +59,7 @@ Rigid3 StandingPlacement(const Subject& subject) {
   return world_from_foot;
 }
 
-FootPose StandingPose(const Subject& subject) {
+FootPose StandingPose(const Subject& subject, double ground_z_m) {
   constexpr double kSink = 0.0008;  // how far an unloaded pulp reaches below the ground
   const AnatomyTable& table = subject.shape->table;
   FootPose pose;
@@ -70,7 +70,8 @@ FootPose StandingPose(const Subject& subject) {
       const double middle = 0.5 * (down + up);
       std::map<std::string, double> angles;
       BendToe(toe, middle, angles);
-      (LowestOfToe(MovedTable(table, BoneMotions(table, angles)), toe) < -kSink ? down : up) = middle;
+      const double lowest = LowestOfToe(MovedTable(table, BoneMotions(table, angles)), toe);
+      (lowest < ground_z_m - kSink ? down : up) = middle;
     }
     BendToe(toe, 0.5 * (down + up), pose.angles_rad);
   }

@@ -30,7 +30,7 @@ PosedFoot PoseFoot(const Subject& subject, const FootPose& pose);
 /// towards +y.
 Rigid3 StandingPlacement(const Subject& subject);
 
-/// Toes lowered until their pulps touch the ground, as a standing person's do; otherwise at rest.
-FootPose StandingPose(const Subject& subject);
+/// Toes lowered until their pulps touch the ground at this height of the foot frame, as a standing person's do; otherwise at rest.
+FootPose StandingPose(const Subject& subject, double ground_z_m = 0);
 
 }  // namespace sole::sim

@@ -14,7 +14,7 @@ struct ContactOptions {
   double load_n = 0;  ///< 0 or less: no contact is sought, the pose stands as given
   /// Centre of pressure along the foot, 0 = heel, 1 = toe tip; absent: tilt stays as posed and only the height is solved.
   std::optional<double> pressure_centre_y;
-  std::optional<double> pressure_centre_x_m;  ///< in the foot frame; absent: no roll is solved
+  std::optional<double> pressure_centre_x_m;  ///< world; absent: no roll is solved
 };
 
 /// A foot on the rigid plate z = 0, world frame. Vectors have one value per vertex.
@@ -34,7 +34,10 @@ struct LoadedFoot {
 /// are solved for balance, the skin is laid on the plate, leaves it with a smooth profile and bulges sideways.
 LoadedFoot PressOnPlate(const Subject& subject, const FootPose& pose, const ContactOptions& options);
 
-/// Quiet standing: StandingPose with the arch lowered by the load.
+/// StandingPose with the arch lowered by the load (newtons).
+FootPose LoadedStandingPose(const Subject& subject, double load_n);
+
+/// Quiet standing: LoadedStandingPose pressed on the plate.
 LoadedFoot StandOnPlate(const Subject& subject, double load_n, double pressure_centre_y = 0.42);
 
 }  // namespace sole::sim

@@ -1,0 +1,134 @@
+#include "sim/motion.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include <Eigen/Geometry>
+
+#include "core/error.h"
+#include "sim/reference_foot.h"
+
+namespace sole::sim {
+namespace {
+
+constexpr double kGravity = 9.81;
+
+/// A slow wave in [-1, 1]: two sines of unrelated periods and drawn phases.
+class Wave {
+ public:
+  Wave(double period_s, std::mt19937_64& random) : period_s_(period_s) {
+    std::uniform_real_distribution<double> phase(0, 2 * std::numbers::pi);
+    phase_a_ = phase(random);
+    phase_b_ = phase(random);
+  }
+  double At(double time_s) const {
+    const double turn = 2 * std::numbers::pi * time_s / period_s_;
+    return 0.65 * std::sin(turn + phase_a_) + 0.35 * std::sin(2.37 * turn + phase_b_);
+  }
+
+ private:
+  double period_s_, phase_a_ = 0, phase_b_ = 0;
+};
+
+/// Where this motion's foot stands: a few millimetres and degrees off the middle.
+Rigid3 DrawPlacement(const Subject& subject, std::mt19937_64& random) {
+  std::uniform_real_distribution<double> unit(-1, 1);
+  const Eigen::AngleAxisd yaw(0.07 * unit(random), Eigen::Vector3d::UnitZ());
+  Rigid3 placement;
+  placement.rotation = yaw;
+  placement.translation = {0.006 * unit(random), 0.006 * unit(random), 0};
+  return placement * StandingPlacement(subject);
+}
+
+MotionFrame Pressed(const Subject& subject, const FootPose& pose, const ContactOptions& contact, double time_s) {
+  return {time_s, PressOnPlate(subject, pose, contact), pose.angles_rad};
+}
+
+std::vector<MotionFrame> Stand(const Subject& subject, const MotionOptions& options, std::mt19937_64& random) {
+  const Rigid3 placement = DrawPlacement(subject, random);
+  const Wave load(2.3, random), forward(1.9, random), ankle(3.1, random), lean(2.7, random);
+  std::vector<MotionFrame> frames;
+  for (int i = 0; i < options.frames; ++i) {
+    const double t = i / options.rate_hz;
+    const double load_n = options.mean_load * subject.weight_kg * kGravity * (1 + 0.06 * load.At(t));
+    FootPose pose = LoadedStandingPose(subject, load_n);
+    pose.world_from_foot = placement;
+    pose.angles_rad["talocrural.dorsiflexion"] += 0.017 * ankle.At(t);
+    pose.angles_rad["subtalar.inversion"] += 0.012 * lean.At(t);
+    frames.push_back(Pressed(subject, pose,
+                             {.load_n = load_n, .pressure_centre_y = 0.42 + 0.03 * forward.At(t), .pressure_centre_x_m = {}}, t));
+  }
+  return frames;
+}
+
+std::vector<MotionFrame> Rock(const Subject& subject, const MotionOptions& options, std::mt19937_64& random) {
+  const Rigid3 placement = DrawPlacement(subject, random);
+  const Wave load(2.9, random);
+  std::vector<MotionFrame> frames;
+  for (int i = 0; i < options.frames; ++i) {
+    const double t = i / options.rate_hz;
+    // Heel at the start and the end, forefoot in the middle.
+    const double phase = options.frames > 1 ? static_cast<double>(i) / (options.frames - 1) : 0.0;
+    const double forward = 0.5 - 0.5 * std::cos(2 * std::numbers::pi * phase);
+    const double load_n = options.mean_load * subject.weight_kg * kGravity * (1 + 0.04 * load.At(t));
+    FootPose pose = LoadedStandingPose(subject, load_n);
+    pose.world_from_foot = placement;
+    pose.angles_rad["talocrural.dorsiflexion"] += 0.14 * (forward - 0.4);
+    frames.push_back(Pressed(subject, pose,
+                             {.load_n = load_n, .pressure_centre_y = 0.22 + 0.44 * forward, .pressure_centre_x_m = {}}, t));
+  }
+  return frames;
+}
+
+std::vector<MotionFrame> Air(const Subject& subject, const MotionOptions& options, std::mt19937_64& random) {
+  const Rigid3 placement = DrawPlacement(subject, random);
+  const Wave height(2.1, random), ankle(1.7, random), turn(2.3, random), hallux(1.3, random), toes(1.1, random);
+  std::vector<MotionFrame> frames;
+  for (int i = 0; i < options.frames; ++i) {
+    const double t = i / options.rate_hz;
+    FootPose pose;
+    pose.fixed_bone = "tibia";
+    pose.world_from_foot = placement;
+    pose.angles_rad["talocrural.dorsiflexion"] = -0.12 + 0.2 * ankle.At(t);
+    pose.angles_rad["subtalar.inversion"] = 0.05 + 0.1 * turn.At(t);
+    pose.angles_rad["mtp_1.dorsiflexion"] = 0.35 * hallux.At(t);
+    pose.angles_rad["ip_1.dorsiflexion"] = -0.15 + 0.15 * hallux.At(t);
+    for (int toe = 2; toe <= 5; ++toe) {
+      const std::string number = "_" + std::to_string(toe);
+      pose.angles_rad["mtp" + number + ".dorsiflexion"] = 0.3 * toes.At(t - 0.05 * toe);
+      pose.angles_rad["pip" + number + ".dorsiflexion"] = -0.2 + 0.2 * toes.At(t + 0.1);
+    }
+    MotionFrame frame = Pressed(subject, pose, {}, t);
+    double lowest = 1;
+    for (const Eigen::Vector3d& v : frame.foot.foot.vertices_m) lowest = std::min(lowest, v.z());
+    const Eigen::Vector3d lift(0, 0, 0.04 + 0.02 * height.At(t) - lowest);
+    for (Eigen::Vector3d& v : frame.foot.foot.vertices_m) v += lift;
+    for (Rigid3& bone : frame.foot.foot.world_from_rest) bone.translation += lift;
+    frames.push_back(std::move(frame));
+  }
+  return frames;
+}
+
+}  // namespace
+
+const std::vector<std::string>& MotionNames() {
+  static const std::vector<std::string> names = {"stand", "rock", "air"};
+  return names;
+}
+
+FootMotion MakeMotion(const Subject& subject, const MotionOptions& options) {
+  Require(options.frames > 0 && options.rate_hz > 0 && options.mean_load > 0 && options.mean_load <= 1.5,
+          "motion: frames and rate must be positive and the load between 0 and 1.5 body weights");
+  std::mt19937_64 random(options.seed * 7919 + subject.seed);
+  FootMotion motion;
+  motion.triangles = FootTriangles(subject.side);
+  if (options.motion == "stand") motion.frames = Stand(subject, options, random);
+  else if (options.motion == "rock") motion.frames = Rock(subject, options, random);
+  else if (options.motion == "air") motion.frames = Air(subject, options, random);
+  else throw Error("unknown motion '" + options.motion + "': use stand, rock or air");
+  return motion;
+}
+
+}  // namespace sole::sim
