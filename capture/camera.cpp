@@ -1,13 +1,13 @@
 #include "capture/camera.h"
 
+#include <sys/resource.h>
+
 #include <algorithm>
 #include <array>
 #include <atomic>
 #include <mutex>
 #include <thread>
 #include <utility>
-
-#include <sys/resource.h>
 
 #include "capture/camera_internal.h"
 #include "capture/discovery.h"
@@ -19,7 +19,8 @@ namespace {
 
 constexpr int kBuffers = 24;
 constexpr int kSocketBufferBytes = 8 << 20;
-constexpr unsigned kFrameRetentionUs = 400'000;  // paced frames of many cameras take tens of milliseconds
+constexpr unsigned kFrameRetentionUs =
+    400'000;  // paced frames of many cameras take tens of milliseconds
 constexpr std::uint64_t kPopTimeoutUs = 50'000;
 
 std::string Name(const CameraConfig& config) {
@@ -28,8 +29,9 @@ std::string Name(const CameraConfig& config) {
 
 [[noreturn]] void ThrowNotFound(const CameraConfig& config) {
   const std::vector<FoundCamera> found = ListCameras();
-  const auto same = std::find_if(found.begin(), found.end(),
-                                 [&](const FoundCamera& camera) { return camera.serial == config.serial; });
+  const auto same = std::find_if(found.begin(), found.end(), [&](const FoundCamera& camera) {
+    return camera.serial == config.serial;
+  });
   std::string message = "camera " + config.serial + " not found";
   if (!config.address.empty()) message += " at " + config.address;
   if (same != found.end()) {
@@ -73,7 +75,8 @@ CameraFrame FrameFrom(ArvBuffer* buffer, std::int64_t frame_id) {
   frame.height = arv_buffer_get_image_height(buffer);
   std::size_t size = 0;
   const auto* data = static_cast<const std::uint8_t*>(arv_buffer_get_data(buffer, &size));
-  const std::size_t pixels = static_cast<std::size_t>(frame.width) * static_cast<std::size_t>(frame.height);
+  const std::size_t pixels =
+      static_cast<std::size_t>(frame.width) * static_cast<std::size_t>(frame.height);
   frame.complete = arv_buffer_get_status(buffer) == ARV_BUFFER_STATUS_SUCCESS && pixels <= size;
   frame.pixels = {data, std::min(size, pixels)};
   return frame;
@@ -81,8 +84,9 @@ CameraFrame FrameFrom(ArvBuffer* buffer, std::int64_t frame_id) {
 
 bool HoldsImage(ArvBuffer* buffer) {
   const ArvBufferStatus status = arv_buffer_get_status(buffer);
-  const bool filled = status == ARV_BUFFER_STATUS_SUCCESS || status == ARV_BUFFER_STATUS_MISSING_PACKETS ||
-                      status == ARV_BUFFER_STATUS_TIMEOUT || status == ARV_BUFFER_STATUS_WRONG_PACKET_ID;
+  const bool filled =
+      status == ARV_BUFFER_STATUS_SUCCESS || status == ARV_BUFFER_STATUS_MISSING_PACKETS ||
+      status == ARV_BUFFER_STATUS_TIMEOUT || status == ARV_BUFFER_STATUS_WRONG_PACKET_ID;
   return filled && arv_buffer_get_payload_type(buffer) == ARV_BUFFER_PAYLOAD_TYPE_IMAGE;
 }
 
@@ -120,14 +124,20 @@ Camera::Camera(const CameraConfig& config) : state_(std::make_unique<State>(conf
   state_->camera.reset(arv_camera_new(DeviceName(config).c_str(), error.Out()));
   if (!state_->camera) ThrowNotFound(config);
   ArvDevice* device = arv_camera_get_device(state_->camera.get());
-  Require(ARV_IS_GV_DEVICE(device), Name(config) + " is not a GigE Vision camera: only those are supported");
+  Require(ARV_IS_GV_DEVICE(device),
+          Name(config) + " is not a GigE Vision camera: only those are supported");
   const std::string serial = ReadSerial(device);
-  Require(serial == config.serial, "camera at " + config.address + " is " + serial + ", not " + config.serial +
+  Require(serial == config.serial, "camera at " + config.address + " is " + serial + ", not " +
+                                       config.serial +
                                        ": correct serial or address in the rig file");
   Require(arv_gv_device_is_controller(ARV_GV_DEVICE(device)),
-          Name(config) + " is controlled by another program: close that program (or wait some seconds if it crashed)");
-  arv_gv_device_set_stream_options(ARV_GV_DEVICE(device), ARV_GV_STREAM_OPTION_PACKET_SOCKET_DISABLED);
-  arv_gv_device_set_packet_size_adjustment(ARV_GV_DEVICE(device), ARV_GV_PACKET_SIZE_ADJUSTMENT_NEVER);
+          Name(config) +
+              " is controlled by another program: close that program (or wait some seconds if it "
+              "crashed)");
+  arv_gv_device_set_stream_options(ARV_GV_DEVICE(device),
+                                   ARV_GV_STREAM_OPTION_PACKET_SOCKET_DISABLED);
+  arv_gv_device_set_packet_size_adjustment(ARV_GV_DEVICE(device),
+                                           ARV_GV_PACKET_SIZE_ADJUSTMENT_NEVER);
 }
 
 Camera::~Camera() {
@@ -157,8 +167,9 @@ void Camera::Start() {
   state_->stream.reset(arv_camera_create_stream(camera, OnStreamEvent, nullptr, error.Out()));
   if (!state_->stream) error.Check(Name(state_->config) + " opens no stream");
   Require(state_->stream != nullptr, Name(state_->config) + " opens no stream");
-  g_object_set(state_->stream.get(), "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED, "socket-buffer-size",
-               kSocketBufferBytes, "frame-retention", kFrameRetentionUs, "packet-request-ratio", 1.0, nullptr);
+  g_object_set(state_->stream.get(), "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED,
+               "socket-buffer-size", kSocketBufferBytes, "frame-retention", kFrameRetentionUs,
+               "packet-request-ratio", 1.0, nullptr);
   for (int i = 0; i < kBuffers; ++i) {
     arv_stream_push_buffer(state_->stream.get(), arv_buffer_new_allocate(payload));
   }
@@ -193,20 +204,24 @@ void Camera::SoftwareTrigger() {
 CameraStatistics Camera::Statistics() const {
   ArvStream* stream = state_->stream.get();
   if (stream == nullptr) return state_->last_statistics;
-  const auto read = [&](const char* name) { return arv_stream_get_info_uint64_by_name(stream, name); };
-  return {read("n_completed_buffers"), read("n_failures"),       read("n_underruns"),
-          read("n_missing_packets"),   read("n_resend_requests"), read("n_resent_packets"),
+  const auto read = [&](const char* name) {
+    return arv_stream_get_info_uint64_by_name(stream, name);
+  };
+  return {read("n_completed_buffers"),   read("n_failures"),        read("n_underruns"),
+          read("n_missing_packets"),     read("n_resend_requests"), read("n_resent_packets"),
           read("n_resend_ratio_reached")};
 }
 
 bool Camera::InControl() const {
-  return arv_gv_device_is_controller(ARV_GV_DEVICE(arv_camera_get_device(state_->camera.get()))) != FALSE;
+  return arv_gv_device_is_controller(ARV_GV_DEVICE(arv_camera_get_device(state_->camera.get()))) !=
+         FALSE;
 }
 
 void RequireSettings(const CameraConfig& config, const std::vector<CameraSetting>& settings) {
   for (const CameraSetting& setting : settings) {
-    Require(setting.ok, Name(config) + ": " + setting.name + " should be " + setting.wanted + ", but the camera says '" +
-                            setting.got + "': choose a value that it supports in the rig file");
+    Require(setting.ok, Name(config) + ": " + setting.name + " should be " + setting.wanted +
+                            ", but the camera says '" + setting.got +
+                            "': choose a value that it supports in the rig file");
   }
 }
 

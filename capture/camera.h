@@ -18,7 +18,7 @@ struct CameraFrame {
   std::int64_t host_time_ns = 0;     ///< HostNowNs at arrival of the whole frame
   int width = 0;
   int height = 0;
-  bool complete = false;             ///< every packet arrived
+  bool complete = false;                 ///< every packet arrived
   std::span<const std::uint8_t> pixels;  ///< width * height bytes
 };
 
@@ -27,9 +27,9 @@ using FrameHandler = std::function<void(const CameraFrame&)>;
 
 /// Counters of one stream since Start.
 struct CameraStatistics {
-  std::uint64_t completed = 0;           ///< frames delivered whole
-  std::uint64_t failures = 0;            ///< frames delivered with holes
-  std::uint64_t underruns = 0;           ///< frames lost because no buffer was free
+  std::uint64_t completed = 0;  ///< frames delivered whole
+  std::uint64_t failures = 0;   ///< frames delivered with holes
+  std::uint64_t underruns = 0;  ///< frames lost because no buffer was free
   std::uint64_t missing_packets = 0;
   std::uint64_t resend_requests = 0;
   std::uint64_t resent_packets = 0;
@@ -47,9 +47,9 @@ struct CameraSetting {
 /// An opened GigE Vision camera. Opening takes control; destruction gives it back.
 class Camera {
  public:
-  /// Opens the camera of this serial: at config.address if that is given, else wherever discovery finds it.
-  /// Throws Error: not found (with the cameras that were), another serial at the address, controlled
-  /// by another program.
+  /// Opens the camera of this serial: at config.address if that is given, else wherever discovery
+  /// finds it. Throws Error: not found (with the cameras that were), another serial at the address,
+  /// controlled by another program.
   explicit Camera(const CameraConfig& config);
   ~Camera();
   Camera(const Camera&) = delete;
@@ -58,12 +58,14 @@ class Camera {
   const CameraConfig& Config() const;
 
   /// Writes every setting (size, pixel format, exposure, gain, packets, trigger on rising edges of
-  /// `trigger_source`) and reads it back. Nothing is thrown for a setting that the camera refuses: see `ok`.
+  /// `trigger_source`) and reads it back. Nothing is thrown for a setting that the camera refuses:
+  /// see `ok`.
   std::vector<CameraSetting> ApplySettings(const std::string& trigger_source);
   /// The same; throws Error naming camera, setting and both values at the first mismatch.
   void Configure(const std::string& trigger_source);
 
-  /// Starts streaming with buffers for about two seconds' worth of frames at 10 Hz. Frames go to the handler.
+  /// Starts streaming with buffers for about two seconds' worth of frames at 10 Hz. Frames go to
+  /// the handler.
   void Start();
   /// Replaces the handler; returns when the old one is no longer running. Null discards frames.
   void SetHandler(FrameHandler handler);

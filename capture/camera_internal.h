@@ -1,10 +1,10 @@
 #pragma once
 
+#include <arv.h>
+
 #include <memory>
 #include <string>
 #include <vector>
-
-#include <arv.h>
 
 #include "capture/camera.h"
 #include "core/error.h"

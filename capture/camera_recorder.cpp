@@ -7,7 +7,8 @@
 
 namespace sole::capture {
 
-CameraRecorder::CameraRecorder(Camera& camera, const CameraSync& sync, const TriggerLog& log, Options options)
+CameraRecorder::CameraRecorder(Camera& camera, const CameraSync& sync, const TriggerLog& log,
+                               Options options)
     : camera_(camera),
       log_(log),
       options_(std::move(options)),
@@ -39,10 +40,14 @@ void CameraRecorder::Finish() {
 
 void CameraRecorder::OnFrame(const CameraFrame& frame) {
   last_arrival_ns_ = frame.host_time_ns;
-  const FrameMatch match = matcher_.Match(frame.frame_id, frame.device_time_ns, frame.complete, log_);
-  const bool fits = frame.width == camera_.Config().width && frame.height == camera_.Config().height &&
-                    frame.pixels.size() == static_cast<std::size_t>(frame.width) * static_cast<std::size_t>(frame.height);
-  if (match.outcome == MatchOutcome::kRepeated || match.outcome == MatchOutcome::kUnknown || !fits) {
+  const FrameMatch match =
+      matcher_.Match(frame.frame_id, frame.device_time_ns, frame.complete, log_);
+  const bool fits = frame.width == camera_.Config().width &&
+                    frame.height == camera_.Config().height &&
+                    frame.pixels.size() == static_cast<std::size_t>(frame.width) *
+                                               static_cast<std::size_t>(frame.height);
+  if (match.outcome == MatchOutcome::kRepeated || match.outcome == MatchOutcome::kUnknown ||
+      !fits) {
     ++counts_.strays;
     return;
   }

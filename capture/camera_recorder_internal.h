@@ -19,8 +19,9 @@
 
 namespace sole::capture {
 
-/// Stores one camera's frames: matches them to triggers on the camera's consumer thread and hands them through a
-/// bounded queue to a writer thread, so that a slow disk costs dropped frames, which are counted, and never stalls the stream.
+/// Stores one camera's frames: matches them to triggers on the camera's consumer thread and hands
+/// them through a bounded queue to a writer thread, so that a slow disk costs dropped frames, which
+/// are counted, and never stalls the stream.
 class CameraRecorder {
  public:
   struct Options {
@@ -29,13 +30,15 @@ class CameraRecorder {
     std::int64_t period_ns = 0;
     std::function<void(const std::string&)> on_failure;  ///< the disk refused; called once
   };
-  /// Creates the file and takes over the camera's handler. Throws Error if the file cannot be created.
+  /// Creates the file and takes over the camera's handler. Throws Error if the file cannot be
+  /// created.
   CameraRecorder(Camera& camera, const CameraSync& sync, const TriggerLog& log, Options options);
   ~CameraRecorder();
   CameraRecorder(const CameraRecorder&) = delete;
   CameraRecorder& operator=(const CameraRecorder&) = delete;
 
-  /// Detaches from the camera, writes what is queued and closes the file. Throws Error if closing fails.
+  /// Detaches from the camera, writes what is queued and closes the file. Throws Error if closing
+  /// fails.
   void Finish();
   /// Triggers that have their frame, stored or dropped.
   std::int64_t Arrived() const { return arrived_.load(); }

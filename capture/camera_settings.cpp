@@ -18,9 +18,12 @@ class SettingWriter {
  public:
   explicit SettingWriter(ArvCamera* camera) : camera_(camera) {}
 
-  bool Has(const char* feature) const { return arv_camera_is_feature_available(camera_, feature, nullptr) != FALSE; }
+  bool Has(const char* feature) const {
+    return arv_camera_is_feature_available(camera_, feature, nullptr) != FALSE;
+  }
 
-  void Value(const std::string& name, double wanted, double tolerance, const std::function<void(GError**)>& write,
+  void Value(const std::string& name, double wanted, double tolerance,
+             const std::function<void(GError**)>& write,
              const std::function<double(GError**)>& read) {
     GErrorGuard error;
     CameraSetting setting{name, Number(wanted), "", false};
@@ -59,7 +62,8 @@ class SettingWriter {
 
   void Integer(const char* name, std::int64_t wanted) {
     Value(
-        name, static_cast<double>(wanted), 0, [&](GError** e) { arv_camera_set_integer(camera_, name, wanted, e); },
+        name, static_cast<double>(wanted), 0,
+        [&](GError** e) { arv_camera_set_integer(camera_, name, wanted, e); },
         [&](GError** e) { return static_cast<double>(arv_camera_get_integer(camera_, name, e)); });
   }
 
@@ -88,7 +92,8 @@ void WriteExposure(SettingWriter& writer, ArvCamera* camera, const CameraConfig&
       [&](GError** e) { return arv_camera_get_exposure_time(camera, e); });
   if (config.gain_db > 0 || arv_camera_is_gain_available(camera, nullptr)) {
     writer.Value(
-        "Gain", config.gain_db, 0.11, [&](GError** e) { arv_camera_set_gain(camera, config.gain_db, e); },
+        "Gain", config.gain_db, 0.11,
+        [&](GError** e) { arv_camera_set_gain(camera, config.gain_db, e); },
         [&](GError** e) { return arv_camera_get_gain(camera, e); });
   }
 }

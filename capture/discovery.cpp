@@ -1,9 +1,9 @@
 #include "capture/discovery.h"
 
+#include <arv.h>
+
 #include <algorithm>
 #include <mutex>
-
-#include <arv.h>
 
 namespace sole::capture {
 namespace {
@@ -18,9 +18,9 @@ std::vector<FoundCamera> ListCameras() {
   arv_update_device_list();
   std::vector<FoundCamera> found;
   for (unsigned i = 0; i < arv_get_n_devices(); ++i) {
-    found.push_back({Text(arv_get_device_id(i)), Text(arv_get_device_serial_nbr(i)), Text(arv_get_device_vendor(i)),
-                     Text(arv_get_device_model(i)), Text(arv_get_device_address(i)),
-                     Text(arv_get_device_protocol(i))});
+    found.push_back({Text(arv_get_device_id(i)), Text(arv_get_device_serial_nbr(i)),
+                     Text(arv_get_device_vendor(i)), Text(arv_get_device_model(i)),
+                     Text(arv_get_device_address(i)), Text(arv_get_device_protocol(i))});
   }
   std::sort(found.begin(), found.end(),
             [](const FoundCamera& a, const FoundCamera& b) { return a.serial < b.serial; });

@@ -6,16 +6,19 @@
 namespace sole::capture {
 namespace {
 
-// Share of each residual that the clock mapping follows: averages trigger jitter over about ten frames,
-// while 100 ppm of drift at 1 Hz lags by 1 ms only.
+// Share of each residual that the clock mapping follows: averages trigger jitter over about ten
+// frames, while 100 ppm of drift at 1 Hz lags by 1 ms only.
 constexpr std::int64_t kFollow = 10;
 
 }  // namespace
 
 FrameMatcher::FrameMatcher(const CameraSync& sync, std::int64_t period_ns)
-    : id_of_trigger_zero_(sync.frame_id), offset_ns_(sync.host_minus_device_ns), window_ns_(period_ns / 2) {}
+    : id_of_trigger_zero_(sync.frame_id),
+      offset_ns_(sync.host_minus_device_ns),
+      window_ns_(period_ns / 2) {}
 
-FrameMatch FrameMatcher::Claim(MatchOutcome outcome, const TriggerEdge& edge, std::int64_t residual_ns) {
+FrameMatch FrameMatcher::Claim(MatchOutcome outcome, const TriggerEdge& edge,
+                               std::int64_t residual_ns) {
   if (!taken_.insert(edge.sequence).second) return {MatchOutcome::kRepeated, edge, residual_ns};
   return {outcome, edge, residual_ns};
 }

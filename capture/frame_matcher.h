@@ -9,13 +9,14 @@ namespace sole::capture {
 
 /// What is known of a camera after warm-up: the frame that answered a known edge.
 struct CameraSync {
-  std::int64_t frame_id = 0;           ///< unwrapped id of the frame that answered the last warm-up edge
+  std::int64_t frame_id = 0;  ///< unwrapped id of the frame that answered the last warm-up edge
   std::int64_t host_minus_device_ns = 0;  ///< edge's host time minus that frame's camera timestamp
 };
 
 enum class MatchOutcome {
   kMatched,    ///< id and timestamp name the same trigger
-  kRealigned,  ///< the timestamp names another trigger than the id: the camera missed an edge or skipped an id
+  kRealigned,  ///< the timestamp names another trigger than the id: the camera missed an edge or
+               ///< skipped an id
   kRepeated,   ///< the trigger has its frame already
   kUnknown,    ///< belongs to no trigger
 };
@@ -26,15 +27,16 @@ struct FrameMatch {
   std::int64_t residual_ns = 0;  ///< frame's time on the host clock minus the edge's actual time
 };
 
-/// Assigns one camera's frames to triggers: by unwrapped frame id, verified by the camera's timestamp mapped to the
-/// host clock, which must fall within half a period of the edge. Order of arrival plays no part. The clock
-/// mapping follows slow drift of the camera's clock.
+/// Assigns one camera's frames to triggers: by unwrapped frame id, verified by the camera's
+/// timestamp mapped to the host clock, which must fall within half a period of the edge. Order of
+/// arrival plays no part. The clock mapping follows slow drift of the camera's clock.
 class FrameMatcher {
  public:
   FrameMatcher(const CameraSync& sync, std::int64_t period_ns);
 
   /// `complete` = false: packets were lost, so the timestamp may be stale and only the id counts.
-  FrameMatch Match(std::int64_t frame_id, std::uint64_t device_time_ns, bool complete, const TriggerLog& log);
+  FrameMatch Match(std::int64_t frame_id, std::uint64_t device_time_ns, bool complete,
+                   const TriggerLog& log);
 
  private:
   FrameMatch Claim(MatchOutcome outcome, const TriggerEdge& edge, std::int64_t residual_ns);

@@ -6,8 +6,8 @@
 
 namespace sole::capture {
 
-/// Output lines of one GPIO chip, requested together, all low at first. One implementation is compiled:
-/// gpio_lines_v1.cpp or gpio_lines_v2.cpp, as the installed libgpiod demands.
+/// Output lines of one GPIO chip, requested together, all low at first. One implementation is
+/// compiled: gpio_lines_v1.cpp or gpio_lines_v2.cpp, as the installed libgpiod demands.
 class GpioLines {
  public:
   /// `path` like /dev/gpiochip0. Throws Error naming chip and lines.

@@ -26,7 +26,8 @@ class GpioTrigger : public Trigger {
 
 }  // namespace
 
-std::unique_ptr<Trigger> MakeGpioTrigger(const std::string& chip, const std::vector<int>& lines, double pulse_us) {
+std::unique_ptr<Trigger> MakeGpioTrigger(const std::string& chip, const std::vector<int>& lines,
+                                         double pulse_us) {
   Require(!lines.empty() && pulse_us > 0, "a GPIO trigger needs a line and a pulse length above 0");
   const std::string path = chip.find('/') == std::string::npos ? "/dev/" + chip : chip;
   return std::make_unique<GpioTrigger>(path, lines, pulse_us);

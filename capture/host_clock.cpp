@@ -33,7 +33,8 @@ bool SleepUntilNs(std::int64_t host_ns, const std::atomic<bool>* stop) {
     // The last slice goes straight to the deadline: one absolute sleep, no drift.
     const std::int64_t until = stop == nullptr ? host_ns : std::min(host_ns, now + kSlice);
     const std::int64_t monotonic = until - RealtimeFromMonotonic();
-    const timespec deadline{static_cast<time_t>(monotonic / kSecond), static_cast<long>(monotonic % kSecond)};
+    const timespec deadline{static_cast<time_t>(monotonic / kSecond),
+                            static_cast<long>(monotonic % kSecond)};
     while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &deadline, nullptr) == EINTR) {
     }
   }

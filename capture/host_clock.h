@@ -5,12 +5,12 @@
 
 namespace sole::capture {
 
-/// Host time in nanoseconds on the scale of CLOCK_REALTIME, but steady: the offset to CLOCK_MONOTONIC is
-/// taken once per process, so a clock adjustment during a take moves nothing.
+/// Host time in nanoseconds on the scale of CLOCK_REALTIME, but steady: the offset to
+/// CLOCK_MONOTONIC is taken once per process, so a clock adjustment during a take moves nothing.
 std::int64_t HostNowNs();
 
-/// Sleeps until the absolute host time (scale of HostNowNs), in slices short enough to notice `stop` within
-/// 0.1 s. Returns false if `stop` became true first.
+/// Sleeps until the absolute host time (scale of HostNowNs), in slices short enough to notice
+/// `stop` within 0.1 s. Returns false if `stop` became true first.
 bool SleepUntilNs(std::int64_t host_ns, const std::atomic<bool>* stop = nullptr);
 
 }  // namespace sole::capture

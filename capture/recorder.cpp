@@ -64,7 +64,8 @@ class Session {
 
   void OpenCameras() {
     const std::string source = CameraSourceFor(config_.trigger);
-    for (const CameraConfig& camera : config_.cameras) cameras_.push_back(std::make_unique<Camera>(camera));
+    for (const CameraConfig& camera : config_.cameras)
+      cameras_.push_back(std::make_unique<Camera>(camera));
     for (const auto& camera : cameras_) camera->Configure(source);
     trigger_ = MakeTrigger(config_.trigger, cameras_);
     for (const auto& camera : cameras_) camera->Start();
@@ -78,8 +79,9 @@ class Session {
                                                 .stop = options_.stop});
     Require(!StopAsked(), "stopped before the first trigger: nothing was recorded");
     for (std::size_t i = 0; i < answers.size(); ++i) {
-      Require(answers[i].answered, "camera " + config_.cameras[i].serial + " does not answer the trigger: " +
-                                       DescribeSilence(answers[i], config_.trigger));
+      Require(answers[i].answered,
+              "camera " + config_.cameras[i].serial +
+                  " does not answer the trigger: " + DescribeSilence(answers[i], config_.trigger));
     }
     return answers;
   }
@@ -101,10 +103,11 @@ class Session {
     for (std::size_t i = 0; i < cameras_.size(); ++i) {
       recorders_.push_back(std::make_unique<CameraRecorder>(
           *cameras_[i], answers[i].sync, log_,
-          CameraRecorder::Options{.path = folder_.Paths().Raw(config_.cameras[i].serial),
-                                  .queue_frames = options_.queue_frames,
-                                  .period_ns = period_ns_,
-                                  .on_failure = [this](const std::string& message) { Fail(message); }}));
+          CameraRecorder::Options{
+              .path = folder_.Paths().Raw(config_.cameras[i].serial),
+              .queue_frames = options_.queue_frames,
+              .period_ns = period_ns_,
+              .on_failure = [this](const std::string& message) { Fail(message); }}));
     }
     silent_.assign(cameras_.size(), false);
   }
@@ -168,7 +171,8 @@ class Session {
     if (fired < 4) return;
     const std::int64_t late_ns = std::max(3 * period_ns_, 500 * kMs);
     for (std::size_t i = 0; i < recorders_.size(); ++i) {
-      const bool silent = HostNowNs() - recorders_[i]->LastArrivalNs() > late_ns && recorders_[i]->Arrived() + 3 <= fired;
+      const bool silent = HostNowNs() - recorders_[i]->LastArrivalNs() > late_ns &&
+                          recorders_[i]->Arrived() + 3 <= fired;
       if (silent != silent_[i] && silent) {
         Log("camera " + config_.cameras[i].serial + " is silent since trigger " +
             std::to_string(recorders_[i]->Arrived()) + ": check its cable and power");
@@ -190,7 +194,8 @@ class Session {
 
   void WriteTriggersFile() {
     double exposure_us = 0;
-    for (const CameraConfig& camera : config_.cameras) exposure_us = std::max(exposure_us, camera.exposure_us);
+    for (const CameraConfig& camera : config_.cameras)
+      exposure_us = std::max(exposure_us, camera.exposure_us);
     io::WriteTriggers(folder_.Paths(), TriggerRecords(log_.Edges(), exposure_us * 1e-6));
   }
 
@@ -206,7 +211,8 @@ class Session {
       const double late_s = static_cast<double>(edge.actual_ns - edge.scheduled_ns) * 1e-9;
       result.trigger_late_max_s = std::max(result.trigger_late_max_s, late_s);
     }
-    for (const auto& recorder : recorders_) result.cameras.push_back(recorder->Result(result.triggers));
+    for (const auto& recorder : recorders_)
+      result.cameras.push_back(recorder->Result(result.triggers));
     Judge(result, options_.triggers, options_.usable_loss);
     info_.state = result.state;
     info_.verdict = result.verdict;
@@ -246,7 +252,8 @@ class Session {
 
 RecordResult Record(const RigConfig& config, const RecordOptions& options) {
   Validate(config);
-  io::ParseRig(io::FormatRig(config), "rig '" + config.name + "'");  // the take's own rig file must be readable
+  io::ParseRig(io::FormatRig(config),
+               "rig '" + config.name + "'");  // the take's own rig file must be readable
   Require(options.triggers > 0 && options.triggers <= 100'000'000,
           "triggers " + std::to_string(options.triggers) + ": record 1 to 100000000");
   Require(!options.directory.empty(), "a take needs a directory");

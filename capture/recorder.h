@@ -14,9 +14,9 @@
 namespace sole::capture {
 
 struct RecordProgress {
-  std::int64_t fired = 0;      ///< triggers so far
-  std::int64_t triggers = 0;   ///< planned
-  std::int64_t frames = 0;     ///< stored so far, all cameras
+  std::int64_t fired = 0;     ///< triggers so far
+  std::int64_t triggers = 0;  ///< planned
+  std::int64_t frames = 0;    ///< stored so far, all cameras
 };
 
 struct RecordOptions {
@@ -24,15 +24,18 @@ struct RecordOptions {
   std::string name;                 ///< empty: the directory's name
   std::string subject;              ///< pseudonym
   std::string notes;
-  std::string software;             ///< Sole's version
+  std::string software;  ///< Sole's version
   std::int64_t triggers = 100;
-  std::vector<ExposureKind> cycle = {ExposureKind::kSpeckle};  ///< kinds of successive triggers, repeated
+  std::vector<ExposureKind> cycle = {
+      ExposureKind::kSpeckle};  ///< kinds of successive triggers, repeated
   int warmup_attempts = 4;
-  int queue_frames = 32;            ///< per camera, between network and disk
-  double usable_loss = 0.02;        ///< largest share of a camera's triggers that may lack a whole frame in a usable take
-  const std::atomic<bool>* stop = nullptr;  ///< set it (from a signal handler, say) to end the take early
+  int queue_frames = 32;  ///< per camera, between network and disk
+  double usable_loss =
+      0.02;  ///< largest share of a camera's triggers that may lack a whole frame in a usable take
+  const std::atomic<bool>* stop =
+      nullptr;  ///< set it (from a signal handler, say) to end the take early
   std::function<void(const RecordProgress&)> progress;  ///< called about ten times a second
-  LogFunction log;                  ///< warnings, one line each; may be called from several threads at once
+  LogFunction log;  ///< warnings, one line each; may be called from several threads at once
 };
 
 /// What one camera delivered. expected = good + incomplete + lost.
@@ -49,7 +52,7 @@ struct CameraRecord {
   std::uint64_t resent_packets = 0;
   std::uint64_t missing_packets = 0;
   std::uint64_t underruns = 0;
-  double latency_mean_s = 0;    ///< edge to whole frame
+  double latency_mean_s = 0;  ///< edge to whole frame
   double latency_max_s = 0;
 };
 
@@ -67,11 +70,12 @@ struct RecordResult {
   std::int64_t FramesLost() const;  ///< expected minus good
 };
 
-/// Records a take: opens and configures every camera, arms, fires warm-up triggers until all cameras answer,
-/// then fires triggers 1, 2, ... and stores each frame under its trigger. The take is written in place, so what is on the
-/// disk at any moment is readable. Throws Error before the first trigger (a camera is missing, in use or
-/// silent; the directory is not empty or not writable; too little room) and leaves no take then. Afterwards failures such as a
-/// full disk end the take: state aborted, verdict repeat.
+/// Records a take: opens and configures every camera, arms, fires warm-up triggers until all
+/// cameras answer, then fires triggers 1, 2, ... and stores each frame under its trigger. The take
+/// is written in place, so what is on the disk at any moment is readable. Throws Error before the
+/// first trigger (a camera is missing, in use or silent; the directory is not empty or not
+/// writable; too little room) and leaves no take then. Afterwards failures such as a full disk end
+/// the take: state aborted, verdict repeat.
 RecordResult Record(const RigConfig& config, const RecordOptions& options);
 
 }  // namespace sole::capture

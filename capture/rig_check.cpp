@@ -23,7 +23,8 @@ RigFinding FindingFrom(const std::string& camera, const std::string& message) {
 
 class Check {
  public:
-  Check(const RigConfig& config, const RigCheckOptions& options) : config_(config), options_(options) {}
+  Check(const RigConfig& config, const RigCheckOptions& options)
+      : config_(config), options_(options) {}
 
   RigCheckResult Run() {
     CheckHost();
@@ -37,7 +38,8 @@ class Check {
   }
 
  private:
-  void Add(Severity severity, const std::string& camera, const std::string& what, const std::string& mend = "") {
+  void Add(Severity severity, const std::string& camera, const std::string& what,
+           const std::string& mend = "") {
     result_.findings.push_back({severity, camera, what, mend});
   }
 
@@ -45,7 +47,8 @@ class Check {
     long limit = 0;
     std::ifstream("/proc/sys/net/core/rmem_max") >> limit;
     if (limit > 0 && limit < kSocketBufferWanted) {
-      Add(Severity::kWarning, "", "socket buffers are limited to " + std::to_string(limit) + " bytes: frames may get lost",
+      Add(Severity::kWarning, "",
+          "socket buffers are limited to " + std::to_string(limit) + " bytes: frames may get lost",
           "sudo sysctl -w net.core.rmem_max=" + std::to_string(kSocketBufferWanted));
     }
   }
@@ -56,11 +59,13 @@ class Check {
     try {
       auto camera = std::make_unique<Camera>(config);
       check.found = check.controlled = true;
-      const std::vector<CameraSetting> settings = camera->ApplySettings(CameraSourceFor(config_.trigger));
+      const std::vector<CameraSetting> settings =
+          camera->ApplySettings(CameraSourceFor(config_.trigger));
       RequireSettings(config, settings);
       check.settings_ok = true;
       camera->Start();
-      Add(Severity::kOk, config.serial, "found, controlled, " + std::to_string(settings.size()) + " settings read back");
+      Add(Severity::kOk, config.serial,
+          "found, controlled, " + std::to_string(settings.size()) + " settings read back");
       cameras_.push_back(std::move(camera));
       indices_.push_back(index);
     } catch (const Error& error) {
@@ -74,11 +79,14 @@ class Check {
     try {
       const auto trigger = MakeTrigger(config_.trigger, cameras_);
       const auto answers = WarmUp(cameras_, *trigger,
-                                  {.triggers = config_.trigger.warmup, .attempts = 2, .period_ns = PeriodNs(config_.trigger)});
+                                  {.triggers = config_.trigger.warmup,
+                                   .attempts = 2,
+                                   .period_ns = PeriodNs(config_.trigger)});
       for (std::size_t i = 0; i < answers.size(); ++i) {
         if (answers[i].answered) continue;
-        result_.findings.push_back(FindingFrom(Serial(i), "does not answer the trigger: " +
-                                                              DescribeSilence(answers[i], config_.trigger)));
+        result_.findings.push_back(FindingFrom(
+            Serial(i),
+            "does not answer the trigger: " + DescribeSilence(answers[i], config_.trigger)));
       }
       FireTests(*trigger, answers);
     } catch (const Error& error) {
@@ -95,18 +103,22 @@ class Check {
     std::vector<std::optional<FrameMatcher>> matchers(cameras_.size());
     for (std::size_t i = 0; i < cameras_.size(); ++i) {
       if (!answers[i].answered) continue;
-      // Test pulses have sequences up to 0, so that a simulated rig does not take them for a recording.
+      // Test pulses have sequences up to 0, so that a simulated rig does not take them for a
+      // recording.
       CameraSync sync = answers[i].sync;
       sync.frame_id += options_.triggers;
       matchers[i].emplace(sync, period_ns);
       cameras_[i]->SetHandler([&, i](const CameraFrame& frame) {
         const std::lock_guard lock(mutex);
-        const FrameMatch match = matchers[i]->Match(frame.frame_id, frame.device_time_ns, frame.complete, log);
-        const bool known = match.outcome == MatchOutcome::kMatched || match.outcome == MatchOutcome::kRealigned;
+        const FrameMatch match =
+            matchers[i]->Match(frame.frame_id, frame.device_time_ns, frame.complete, log);
+        const bool known =
+            match.outcome == MatchOutcome::kMatched || match.outcome == MatchOutcome::kRealigned;
         if (!known || !frame.complete) return;
         RigCameraCheck& check = result_.cameras[indices_[i]];
         ++check.answered;
-        const double latency_s = static_cast<double>(frame.host_time_ns - match.edge.actual_ns) * 1e-9;
+        const double latency_s =
+            static_cast<double>(frame.host_time_ns - match.edge.actual_ns) * 1e-9;
         check.latency_max_s = std::max(check.latency_max_s, latency_s);
       });
     }
@@ -129,17 +141,20 @@ class Check {
     check.fired = options_.triggers;
     check.resent_packets = statistics.resent_packets;
     check.missing_packets = statistics.missing_packets;
-    const std::string counts = std::to_string(check.answered) + " of " + std::to_string(check.fired) + " test triggers";
+    const std::string counts =
+        std::to_string(check.answered) + " of " + std::to_string(check.fired) + " test triggers";
     if (check.answered < check.fired) {
       Add(Severity::kError, check.serial, "answered only " + counts,
           "lower packet_size, raise packet_delay_ns or lower trigger rate_hz; check the cable");
     } else if (check.resent_packets > 0) {
       Add(Severity::kWarning, check.serial,
-          "answered " + counts + ", but " + std::to_string(check.resent_packets) + " packets had to be resent",
+          "answered " + counts + ", but " + std::to_string(check.resent_packets) +
+              " packets had to be resent",
           "check cable and switch, raise packet_delay_ns");
     } else {
-      Add(Severity::kOk, check.serial, "answered " + counts + ", " +
-          std::to_string(static_cast<int>(check.latency_max_s * 1e3 + 0.5)) + " ms at most");
+      Add(Severity::kOk, check.serial,
+          "answered " + counts + ", " +
+              std::to_string(static_cast<int>(check.latency_max_s * 1e3 + 0.5)) + " ms at most");
     }
   }
 
@@ -154,16 +169,20 @@ class Check {
 
 const char* ToString(Severity severity) {
   switch (severity) {
-    case Severity::kOk: return "ok";
-    case Severity::kWarning: return "warning";
-    case Severity::kError: return "error";
+    case Severity::kOk:
+      return "ok";
+    case Severity::kWarning:
+      return "warning";
+    case Severity::kError:
+      return "error";
   }
   return "unknown";
 }
 
 bool RigCheckResult::Ok() const {
-  return std::none_of(findings.begin(), findings.end(),
-                      [](const RigFinding& finding) { return finding.severity == Severity::kError; });
+  return std::none_of(findings.begin(), findings.end(), [](const RigFinding& finding) {
+    return finding.severity == Severity::kError;
+  });
 }
 
 RigCheckResult CheckRig(const RigConfig& config, const RigCheckOptions& options) {

@@ -23,11 +23,11 @@ struct RigFinding {
 struct RigCameraCheck {
   std::string serial;
   bool found = false;
-  bool controlled = false;    ///< opened with control
-  bool settings_ok = false;   ///< all written and read back
-  int fired = 0;              ///< test triggers
-  int answered = 0;           ///< whole frames that came back
-  double latency_max_s = 0;   ///< edge to whole frame
+  bool controlled = false;   ///< opened with control
+  bool settings_ok = false;  ///< all written and read back
+  int fired = 0;             ///< test triggers
+  int answered = 0;          ///< whole frames that came back
+  double latency_max_s = 0;  ///< edge to whole frame
   std::uint64_t resent_packets = 0;
   std::uint64_t missing_packets = 0;
 };
@@ -43,8 +43,9 @@ struct RigCheckOptions {
   LogFunction log;
 };
 
-/// Opens every camera, writes and reads back its settings, fires warm-up and test triggers and says what is wrong.
-/// Problems of the rig are findings; throws Error only if `config` itself is impossible.
+/// Opens every camera, writes and reads back its settings, fires warm-up and test triggers and says
+/// what is wrong. Problems of the rig are findings; throws Error only if `config` itself is
+/// impossible.
 RigCheckResult CheckRig(const RigConfig& config, const RigCheckOptions& options = {});
 
 }  // namespace sole::capture

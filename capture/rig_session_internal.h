@@ -14,7 +14,8 @@ std::int64_t PeriodNs(const TriggerConfig& config);
 /// TriggerSource of the cameras for this configuration.
 std::string CameraSourceFor(const TriggerConfig& config);
 
-/// The trigger that the rig file names. `cameras` must outlive it (software triggers go through them).
+/// The trigger that the rig file names. `cameras` must outlive it (software triggers go through
+/// them).
 std::unique_ptr<Trigger> MakeTrigger(const TriggerConfig& config, const CameraList& cameras);
 
 /// Why a camera did not answer the warm-up, with what to do.

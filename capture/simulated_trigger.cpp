@@ -1,10 +1,10 @@
-#include <cerrno>
-#include <cstring>
-
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
 #include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
 
 #include "capture/trigger.h"
 #include "core/error.h"
@@ -15,8 +15,10 @@ namespace {
 
 class SimulatedTrigger : public Trigger {
  public:
-  explicit SimulatedTrigger(int bus_port) : port_(bus_port), socket_(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
-    Require(socket_ >= 0, std::string("no socket for the simulated trigger: ") + std::strerror(errno));
+  explicit SimulatedTrigger(int bus_port)
+      : port_(bus_port), socket_(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
+    Require(socket_ >= 0,
+            std::string("no socket for the simulated trigger: ") + std::strerror(errno));
     address_.sin_family = AF_INET;
     address_.sin_port = htons(static_cast<std::uint16_t>(bus_port));
     address_.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
@@ -28,13 +30,15 @@ class SimulatedTrigger : public Trigger {
   void Emit(const TriggerEdge& edge) override {
     TriggerPulse pulse;
     pulse.sequence = edge.sequence;
-    pulse.scheduled_ns = edge.actual_ns;  // a line knows no plan: cameras see the edge when it comes
+    pulse.scheduled_ns =
+        edge.actual_ns;  // a line knows no plan: cameras see the edge when it comes
     pulse.kind = edge.kind == ExposureKind::kTexture ? 1 : 0;
     const auto bytes = Encode(pulse);
     const ssize_t sent = sendto(socket_, bytes.data(), bytes.size(), 0,
                                 reinterpret_cast<const sockaddr*>(&address_), sizeof address_);
     Require(sent == static_cast<ssize_t>(bytes.size()),
-            "cannot send a pulse to the trigger bus 127.0.0.1:" + std::to_string(port_) + ": " + std::strerror(errno));
+            "cannot send a pulse to the trigger bus 127.0.0.1:" + std::to_string(port_) + ": " +
+                std::strerror(errno));
   }
 
  private:

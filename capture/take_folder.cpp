@@ -12,15 +12,18 @@ namespace {
 
 constexpr double kMarginBytes = 64.0 * 1024 * 1024;
 
-std::string Megabytes(double bytes) { return std::to_string(static_cast<long long>(bytes / 1e6)) + " MB"; }
+std::string Megabytes(double bytes) {
+  return std::to_string(static_cast<long long>(bytes / 1e6)) + " MB";
+}
 
 void RequireRoom(const fs::path& directory, double bytes) {
   std::error_code error;
   const fs::space_info space = fs::space(directory, error);
   const double needed = bytes * 1.02 + kMarginBytes;
   Require(error || static_cast<double>(space.available) >= needed,
-          "too little room for the take in " + directory.string() + ": " + Megabytes(needed) + " needed, " +
-              Megabytes(static_cast<double>(space.available)) + " free: delete something or record fewer triggers");
+          "too little room for the take in " + directory.string() + ": " + Megabytes(needed) +
+              " needed, " + Megabytes(static_cast<double>(space.available)) +
+              " free: delete something or record fewer triggers");
 }
 
 }  // namespace
@@ -31,7 +34,8 @@ TakeFolder::TakeFolder(const fs::path& directory, double bytes) : paths_{directo
   Require(!exists || fs::is_directory(directory, error),
           directory.string() + " is a file: choose another place for the take");
   Require(!exists || fs::is_empty(directory, error),
-          "take directory " + directory.string() + " is not empty: choose another name, nothing is overwritten");
+          "take directory " + directory.string() +
+              " is not empty: choose another name, nothing is overwritten");
   if (!exists) {
     io::MakeDirectory(directory);
     created_ = true;
@@ -53,17 +57,20 @@ TakeFolder::~TakeFolder() {
   if (keep_) return;
   std::error_code ignored;
   fs::remove_all(paths_.root / "cameras", ignored);
-  for (const fs::path& file : {paths_.Info(), paths_.RigFile(), paths_.Triggers()}) fs::remove(file, ignored);
+  for (const fs::path& file : {paths_.Info(), paths_.RigFile(), paths_.Triggers()})
+    fs::remove(file, ignored);
   if (created_) fs::remove(paths_.root, ignored);
 }
 
 double BytesNeeded(const RigConfig& config, std::int64_t triggers) {
   double bytes = 0;
-  for (const CameraConfig& camera : config.cameras) bytes += static_cast<double>(camera.width) * camera.height + 128;
+  for (const CameraConfig& camera : config.cameras)
+    bytes += static_cast<double>(camera.width) * camera.height + 128;
   return bytes * static_cast<double>(triggers);
 }
 
-std::vector<io::TriggerRecord> TriggerRecords(const std::vector<TriggerEdge>& edges, double exposure_s) {
+std::vector<io::TriggerRecord> TriggerRecords(const std::vector<TriggerEdge>& edges,
+                                              double exposure_s) {
   std::vector<io::TriggerRecord> records;
   for (const TriggerEdge& edge : edges) {
     io::TriggerRecord record;

@@ -8,11 +8,12 @@
 
 namespace sole::capture {
 
-/// The directory of a take that is about to be recorded. Unless Keep is called, destruction takes away what was
-/// made in it.
+/// The directory of a take that is about to be recorded. Unless Keep is called, destruction takes
+/// away what was made in it.
 class TakeFolder {
  public:
-  /// Throws Error if the directory holds anything, is not writable or has less room than `bytes` and a margin.
+  /// Throws Error if the directory holds anything, is not writable or has less room than `bytes`
+  /// and a margin.
   TakeFolder(const std::filesystem::path& directory, double bytes);
   ~TakeFolder();
   TakeFolder(const TakeFolder&) = delete;
@@ -31,7 +32,8 @@ class TakeFolder {
 double BytesNeeded(const RigConfig& config, std::int64_t triggers);
 
 /// Edges as lines of triggers.csv, relative to the first scheduled one.
-std::vector<io::TriggerRecord> TriggerRecords(const std::vector<TriggerEdge>& edges, double exposure_s);
+std::vector<io::TriggerRecord> TriggerRecords(const std::vector<TriggerEdge>& edges,
+                                              double exposure_s);
 
 /// Fills verdict and reasons of `result` from its counts.
 void Judge(RecordResult& result, std::int64_t planned, double usable_loss);

@@ -1,13 +1,13 @@
 #include "capture/trigger.h"
 
+#include <pthread.h>
+#include <sched.h>
+#include <sys/mman.h>
+
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <utility>
-
-#include <pthread.h>
-#include <sched.h>
-#include <sys/mman.h>
 
 #include "capture/host_clock.h"
 #include "core/error.h"
@@ -35,7 +35,8 @@ std::unique_ptr<Trigger> MakeSoftwareTrigger(std::vector<std::function<void()>> 
 
 std::int64_t FireSchedule(Trigger& trigger, const TriggerSchedule& schedule, TriggerLog& log,
                           const std::atomic<bool>* stop) {
-  Require(schedule.period_ns > 0 && !schedule.cycle.empty(), "trigger schedule needs a period and a cycle");
+  Require(schedule.period_ns > 0 && !schedule.cycle.empty(),
+          "trigger schedule needs a period and a cycle");
   std::int64_t earliest = schedule.start_ns;
   for (std::int64_t i = 0; i < schedule.count; ++i) {
     TriggerEdge edge;
@@ -53,13 +54,17 @@ std::int64_t FireSchedule(Trigger& trigger, const TriggerSchedule& schedule, Tri
 
 RealtimeScope::RealtimeScope(const LogFunction& log) {
   const auto refused = [&](const char* what, int error) {
-    if (log) log(std::string(what) + " refused (" + std::strerror(error) + "): trigger edges may jitter more");
+    if (log)
+      log(std::string(what) + " refused (" + std::strerror(error) +
+          "): trigger edges may jitter more");
   };
-  // On fault: large reserved areas stay cheap. Not MCL_FUTURE: under a memory-lock limit it makes malloc fail.
+  // On fault: large reserved areas stay cheap. Not MCL_FUTURE: under a memory-lock limit it makes
+  // malloc fail.
   locked_ = mlockall(MCL_CURRENT | MCL_ONFAULT) == 0;
   if (!locked_) refused("locking memory", errno);
   sched_param parameter{};
-  parameter.sched_priority = 40;  // above 50 the kernel's own interrupt threads lose and edges get lost
+  parameter.sched_priority =
+      40;  // above 50 the kernel's own interrupt threads lose and edges get lost
   const int error = pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameter);
   scheduled_ = error == 0;
   if (!scheduled_) refused("real-time scheduling", error);

@@ -11,8 +11,9 @@ void TriggerLog::Append(const TriggerEdge& edge) {
 
 std::optional<TriggerEdge> TriggerLog::Find(std::int64_t sequence) const {
   const std::lock_guard lock(mutex_);
-  const auto found = std::lower_bound(edges_.begin(), edges_.end(), sequence,
-                                      [](const TriggerEdge& e, std::int64_t s) { return e.sequence < s; });
+  const auto found =
+      std::lower_bound(edges_.begin(), edges_.end(), sequence,
+                       [](const TriggerEdge& e, std::int64_t s) { return e.sequence < s; });
   if (found == edges_.end() || found->sequence != sequence) return {};
   return *found;
 }
@@ -20,8 +21,9 @@ std::optional<TriggerEdge> TriggerLog::Find(std::int64_t sequence) const {
 std::optional<TriggerEdge> TriggerLog::Nearest(std::int64_t host_ns) const {
   const std::lock_guard lock(mutex_);
   if (edges_.empty()) return {};
-  auto after = std::lower_bound(edges_.begin(), edges_.end(), host_ns,
-                                [](const TriggerEdge& e, std::int64_t t) { return e.actual_ns < t; });
+  auto after =
+      std::lower_bound(edges_.begin(), edges_.end(), host_ns,
+                       [](const TriggerEdge& e, std::int64_t t) { return e.actual_ns < t; });
   if (after == edges_.end()) return edges_.back();
   if (after == edges_.begin()) return *after;
   const auto before = std::prev(after);

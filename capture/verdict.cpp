@@ -29,17 +29,21 @@ std::string Of(std::int64_t count, const CameraRecord& camera) {
 void AddReasons(const CameraRecord& camera, std::vector<std::string>& reasons) {
   const std::string name = "camera " + camera.serial + ": ";
   if (camera.lost > 0) {
-    std::string reason = name + Of(camera.lost, camera) + " lost (triggers " + Ranges(camera.lost_triggers) + ")";
-    if (camera.dropped > 0) reason += ", " + std::to_string(camera.dropped) + " of them because the disk is too slow";
+    std::string reason =
+        name + Of(camera.lost, camera) + " lost (triggers " + Ranges(camera.lost_triggers) + ")";
+    if (camera.dropped > 0)
+      reason += ", " + std::to_string(camera.dropped) + " of them because the disk is too slow";
     reasons.push_back(reason);
   }
-  if (camera.incomplete > 0) reasons.push_back(name + Of(camera.incomplete, camera) + " incomplete (packets missing)");
+  if (camera.incomplete > 0)
+    reasons.push_back(name + Of(camera.incomplete, camera) + " incomplete (packets missing)");
   if (camera.realigned > 0) {
     reasons.push_back(name + "frame ids left the count " + std::to_string(camera.realigned) +
                       " times; frames were placed by their timestamps");
   }
   if (camera.strays > 0) {
-    reasons.push_back(name + std::to_string(camera.strays) + " frames belong to no trigger and were left out");
+    reasons.push_back(name + std::to_string(camera.strays) +
+                      " frames belong to no trigger and were left out");
   }
 }
 
@@ -50,12 +54,13 @@ void Judge(RecordResult& result, std::int64_t planned, double usable_loss) {
   for (const CameraRecord& camera : result.cameras) {
     AddReasons(camera, result.reasons);
     if (camera.expected > 0) {
-      worst = std::max(worst, static_cast<double>(camera.expected - camera.good) / static_cast<double>(camera.expected));
+      worst = std::max(worst, static_cast<double>(camera.expected - camera.good) /
+                                  static_cast<double>(camera.expected));
     }
   }
   if (result.stopped) {
-    result.reasons.push_back("stopped after " + std::to_string(result.triggers) + " of " + std::to_string(planned) +
-                             " triggers");
+    result.reasons.push_back("stopped after " + std::to_string(result.triggers) + " of " +
+                             std::to_string(planned) + " triggers");
   }
   const bool repeat = result.state == "aborted" || result.triggers == 0 || worst > usable_loss;
   result.verdict = repeat ? "repeat" : result.reasons.empty() ? "good" : "usable";

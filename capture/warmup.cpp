@@ -47,7 +47,8 @@ class Inboxes {
   void Wait(int frames, std::int64_t quiet_ns) {
     std::unique_lock lock(mutex_);
     last_arrival_ns_ = std::max(last_arrival_ns_, HostNowNs());
-    while (std::any_of(inboxes_.begin(), inboxes_.end(), [&](const Inbox& i) { return i.frames < frames; })) {
+    while (std::any_of(inboxes_.begin(), inboxes_.end(),
+                       [&](const Inbox& i) { return i.frames < frames; })) {
       const std::int64_t left = last_arrival_ns_ + quiet_ns - HostNowNs();
       if (left <= 0) return;
       arrived_.wait_for(lock, std::chrono::nanoseconds(left));
@@ -85,7 +86,8 @@ void CloseCameras(CameraList& cameras) {
   cameras.clear();
 }
 
-std::vector<WarmUpAnswer> WarmUp(const CameraList& cameras, Trigger& trigger, const WarmUpOptions& options) {
+std::vector<WarmUpAnswer> WarmUp(const CameraList& cameras, Trigger& trigger,
+                                 const WarmUpOptions& options) {
   std::vector<WarmUpAnswer> answers(cameras.size());
   Inboxes inboxes(cameras);
   TriggerLog log;
@@ -98,7 +100,8 @@ std::vector<WarmUpAnswer> WarmUp(const CameraList& cameras, Trigger& trigger, co
                                 .count = options.triggers};
     if (FireSchedule(trigger, burst, log, options.stop) < options.triggers) return answers;
     inboxes.Wait(options.triggers, std::max(kQuietNs, options.period_ns));
-    if (!SleepUntilNs(burst.start_ns + options.triggers * options.period_ns, options.stop)) return answers;
+    if (!SleepUntilNs(burst.start_ns + options.triggers * options.period_ns, options.stop))
+      return answers;
     const std::vector<Inbox> burst_frames = inboxes.Copy();
     inboxes.Clear();
     sequence += options.triggers;

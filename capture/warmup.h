@@ -24,16 +24,18 @@ struct WarmUpOptions {
 };
 
 struct WarmUpAnswer {
-  bool answered = false;   ///< exactly one whole frame came for the synchronising edge
-  int incomplete = 0;      ///< frames with holes over all attempts
-  CameraSync sync;         ///< valid if answered
-  double latency_s = 0;    ///< edge to whole frame
+  bool answered = false;  ///< exactly one whole frame came for the synchronising edge
+  int incomplete = 0;     ///< frames with holes over all attempts
+  CameraSync sync;        ///< valid if answered
+  double latency_s = 0;   ///< edge to whole frame
 };
 
-/// Fires warm-up edges (sequences up to 0), whose first frames are often lost, lets the cameras fall silent, then fires
-/// one more edge to which every camera must answer with one whole frame; tries again while one does
-/// not. That frame ties each camera's ids and clock to the host's. The cameras must be streaming; their handlers are
-/// cleared at the end. Returns early, with nothing answered, when `stop` becomes true.
-std::vector<WarmUpAnswer> WarmUp(const CameraList& cameras, Trigger& trigger, const WarmUpOptions& options);
+/// Fires warm-up edges (sequences up to 0), whose first frames are often lost, lets the cameras
+/// fall silent, then fires one more edge to which every camera must answer with one whole frame;
+/// tries again while one does not. That frame ties each camera's ids and clock to the host's. The
+/// cameras must be streaming; their handlers are cleared at the end. Returns early, with nothing
+/// answered, when `stop` becomes true.
+std::vector<WarmUpAnswer> WarmUp(const CameraList& cameras, Trigger& trigger,
+                                 const WarmUpOptions& options);
 
 }  // namespace sole::capture

@@ -1,4 +1,5 @@
-// Aravis' own fake GigE Vision camera as a foreign device: no line input, other features than ours, ids that wrap.
+// Aravis' own fake GigE Vision camera as a foreign device: no line input, other features than ours,
+// ids that wrap.
 #include <arv.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -82,12 +83,14 @@ TEST_F(FakeCameraTest, IsListed) {
 
 TEST_F(FakeCameraTest, SecondControllerIsTold) {
   const Camera first(config.cameras[0]);
-  EXPECT_THAT(ErrorOf([&] { Camera second(config.cameras[0]); }), AllOf(HasSubstr("FOREIGN1"), HasSubstr("another program")));
+  EXPECT_THAT(ErrorOf([&] { Camera second(config.cameras[0]); }),
+              AllOf(HasSubstr("FOREIGN1"), HasSubstr("another program")));
 }
 
 TEST_F(FakeCameraTest, MissingLineIsNamedAsTheSetting) {
   Camera camera(config.cameras[0]);
-  EXPECT_THAT(ErrorOf([&] { camera.Configure("Line1"); }), AllOf(HasSubstr("FOREIGN1"), HasSubstr("TriggerSource")));
+  EXPECT_THAT(ErrorOf([&] { camera.Configure("Line1"); }),
+              AllOf(HasSubstr("FOREIGN1"), HasSubstr("TriggerSource")));
 }
 
 TEST_F(FakeCameraTest, WrongSerialAtTheAddressIsNamed) {

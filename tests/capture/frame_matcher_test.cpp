@@ -8,7 +8,7 @@ namespace {
 constexpr std::int64_t kPeriod = 100'000'000;
 constexpr std::int64_t kStart = 1'700'000'000'000'000'000;
 constexpr std::int64_t kDeviceBehind = 1'699'999'000'000'000'000;  // host minus device clock
-constexpr std::int64_t kSyncId = 3;                                  // id of the last warm-up frame
+constexpr std::int64_t kSyncId = 3;                                // id of the last warm-up frame
 
 /// Triggers 1 to n on time; frames carry id kSyncId + trigger.
 class FrameMatcherTest : public ::testing::Test {
@@ -20,7 +20,8 @@ class FrameMatcherTest : public ::testing::Test {
     }
   }
   static std::uint64_t DeviceTime(double trigger) {
-    return static_cast<std::uint64_t>(kStart - kDeviceBehind + static_cast<std::int64_t>(trigger * kPeriod));
+    return static_cast<std::uint64_t>(kStart - kDeviceBehind +
+                                      static_cast<std::int64_t>(trigger * kPeriod));
   }
   FrameMatch Match(std::int64_t id, double device_trigger, bool complete = true) {
     return matcher.Match(id, DeviceTime(device_trigger), complete, log);
@@ -88,7 +89,7 @@ TEST_F(FrameMatcherTest, RepeatedTimestampDoesNotPassAsTheNextTrigger) {
 
 TEST_F(FrameMatcherTest, FrameBetweenOrBeforeTriggersIsUnknown) {
   Fire(3);
-  EXPECT_EQ(Match(kSyncId, 0).outcome, MatchOutcome::kUnknown);       // a warm-up frame that comes late
+  EXPECT_EQ(Match(kSyncId, 0).outcome, MatchOutcome::kUnknown);  // a warm-up frame that comes late
   EXPECT_EQ(Match(kSyncId + 9, 3.6).outcome, MatchOutcome::kUnknown);
 }
 

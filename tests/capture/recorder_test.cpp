@@ -1,9 +1,9 @@
 #include "capture/recorder.h"
 
-#include <fstream>
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
+#include <fstream>
 
 #include "capture/camera.h"
 #include "core/error.h"
@@ -93,7 +93,8 @@ TEST(Record, StoresEveryImageUnderItsTrigger) {
     EXPECT_NEAR(trigger.exposure_end_s - trigger.exposure_start_s, 0.004, 1e-6);
     EXPECT_EQ(trigger.kind, i % 3 == 2 ? ExposureKind::kTexture : ExposureKind::kSpeckle);
   }
-  EXPECT_FALSE(fs::exists(options.directory / "cameras" / (rig.config.cameras[0].serial + ".raw.partial")));
+  EXPECT_FALSE(
+      fs::exists(options.directory / "cameras" / (rig.config.cameras[0].serial + ".raw.partial")));
 }
 
 TEST(Record, FrameIdsMayWrapDuringTheTake) {
@@ -103,14 +104,16 @@ TEST(Record, FrameIdsMayWrapDuringTheTake) {
   const RecordResult result = Record(rig.config, options);
   EXPECT_EQ(result.verdict, "good") << ::testing::PrintToString(result.reasons);
   EXPECT_EQ(ExpectImagesUnderTheirTriggers(options.directory), 20);
-  const io::RawIndex index = io::ReadRawIndex(io::TakePaths{options.directory}.Raw(rig.config.cameras[0].serial));
+  const io::RawIndex index =
+      io::ReadRawIndex(io::TakePaths{options.directory}.Raw(rig.config.cameras[0].serial));
   for (std::size_t i = 1; i < index.records.size(); ++i) {
     EXPECT_EQ(index.records[i].header.frame_id, index.records[i - 1].header.frame_id + 1);
   }
 }
 
 TEST(Record, LostPacketsAreSentAgain) {
-  SimulatedRig rig(83, 2, {.faults = {{.packet_drop_probability = 0.02}, {.packet_drop_probability = 0.02}}});
+  SimulatedRig rig(
+      83, 2, {.faults = {{.packet_drop_probability = 0.02}, {.packet_drop_probability = 0.02}}});
   for (CameraConfig& camera : rig.config.cameras) camera.packet_size = 1500;
   const TempDir scratch;
   const RecordOptions options = OptionsFor(scratch, 30);
@@ -153,7 +156,8 @@ TEST(Record, CameraThatDiesIsCountedAndTheVerdictIsRepeat) {
   EXPECT_EQ(result.cameras[1].good + result.cameras[1].lost, 24);
   EXPECT_EQ(result.cameras[1].lost_triggers.back(), 24);
   EXPECT_THAT(lines, Contains(AllOf(HasSubstr(rig.config.cameras[1].serial), HasSubstr("silent"))));
-  EXPECT_EQ(ExpectImagesUnderTheirTriggers(options.directory), static_cast<int>(result.FramesGood()));
+  EXPECT_EQ(ExpectImagesUnderTheirTriggers(options.directory),
+            static_cast<int>(result.FramesGood()));
 }
 
 TEST(Record, StopLeavesAReadableTake) {
@@ -170,7 +174,8 @@ TEST(Record, StopLeavesAReadableTake) {
   EXPECT_GE(result.triggers, 6);
   EXPECT_LT(result.triggers, 1000);
   EXPECT_EQ(result.FramesGood(), 2 * result.triggers);
-  EXPECT_EQ(ExpectImagesUnderTheirTriggers(options.directory), static_cast<int>(2 * result.triggers));
+  EXPECT_EQ(ExpectImagesUnderTheirTriggers(options.directory),
+            static_cast<int>(2 * result.triggers));
 }
 
 TEST(Record, TakeInProgressIsReadable) {
@@ -197,7 +202,8 @@ TEST(Record, MissingCameraIsNamedAndLeavesNothing) {
   const TempDir scratch;
   const RecordOptions options = OptionsFor(scratch, 10);
   EXPECT_THAT(ErrorOf([&] { Record(rig.config, options); }),
-              AllOf(HasSubstr("camera T88C9 not found at 127.0.88.99"), HasSubstr("T88C1 at 127.0.88.11"), HasSubstr("sole sim serve")));
+              AllOf(HasSubstr("camera T88C9 not found at 127.0.88.99"),
+                    HasSubstr("T88C1 at 127.0.88.11"), HasSubstr("sole sim serve")));
   EXPECT_FALSE(fs::exists(options.directory));
 }
 

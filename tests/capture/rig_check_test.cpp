@@ -1,9 +1,9 @@
 #include "capture/rig_check.h"
 
-#include <algorithm>
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
+#include <algorithm>
 
 #include "capture/camera.h"
 #include "capture/discovery.h"
@@ -26,14 +26,16 @@ TEST(CheckRig, HealthyRigPasses) {
   SimulatedRig rig(95, 2);
   const RigCheckResult result = CheckRig(rig.config, {.triggers = 6, .log = {}});
   EXPECT_TRUE(result.Ok());
-  for (const RigFinding& finding : result.findings) EXPECT_NE(finding.severity, Severity::kError) << finding.what;
+  for (const RigFinding& finding : result.findings)
+    EXPECT_NE(finding.severity, Severity::kError) << finding.what;
   ASSERT_EQ(result.cameras.size(), 2u);
   for (const RigCameraCheck& camera : result.cameras) {
     EXPECT_TRUE(camera.found && camera.controlled && camera.settings_ok);
     EXPECT_EQ(camera.fired, 6);
     EXPECT_EQ(camera.answered, 6);
     EXPECT_GT(camera.latency_max_s, 0);
-    EXPECT_THAT(result.findings, Contains(Finding(Severity::kOk, camera.serial, "settings read back")));
+    EXPECT_THAT(result.findings,
+                Contains(Finding(Severity::kOk, camera.serial, "settings read back")));
   }
 }
 
@@ -47,7 +49,8 @@ TEST(CheckRig, EveryProblemGetsItsFindingAndTheOthersAreStillChecked) {
   rig.config.cameras.push_back(missing);
   const RigCheckResult result = CheckRig(rig.config, {.triggers = 4, .log = {}});
   EXPECT_FALSE(result.Ok());
-  EXPECT_THAT(result.findings, Contains(Finding(Severity::kError, "T96C2", "controlled by another program")));
+  EXPECT_THAT(result.findings,
+              Contains(Finding(Severity::kError, "T96C2", "controlled by another program")));
   EXPECT_THAT(result.findings, Contains(Finding(Severity::kError, "T96C3", "Width")));
   EXPECT_THAT(result.findings, Contains(Finding(Severity::kError, "T96C9", "not found")));
   for (const RigFinding& finding : result.findings) {
@@ -64,7 +67,8 @@ TEST(CheckRig, SilentTriggerIsAFinding) {
   SimulatedRig rig(97, 1);
   rig.config.trigger.bus_port = 1;
   const RigCheckResult result = CheckRig(rig.config, {.triggers = 1, .log = {}});
-  EXPECT_THAT(result.findings, Contains(Finding(Severity::kError, "T97C1", "does not answer the trigger")));
+  EXPECT_THAT(result.findings,
+              Contains(Finding(Severity::kError, "T97C1", "does not answer the trigger")));
 }
 
 TEST(CheckRig, GpioChipThatDoesNotExistIsAFinding) {

@@ -14,8 +14,8 @@
 
 namespace sole::capture {
 
-/// Small simulated cameras on 127.0.`net`.11 onwards whose images tell camera and trigger: the first 16 pixels spell
-/// them, the others follow from them.
+/// Small simulated cameras on 127.0.`net`.11 onwards whose images tell camera and trigger: the
+/// first 16 pixels spell them, the others follow from them.
 class SimulatedRig {
  public:
   SimulatedRig(int net, int cameras, sim::CameraServerOptions options = {}) {
@@ -30,12 +30,16 @@ class SimulatedRig {
       camera.focal_px = 500;
       camera.look_at_m = {0, 1, 0};
       config.cameras.push_back(camera);
-      served.push_back({.serial = camera.serial, .address = camera.address, .width = 320, .height = 96});
+      served.push_back(
+          {.serial = camera.serial, .address = camera.address, .width = 320, .height = 96});
     }
     config.trigger.rate_hz = 20;
     config.trigger.warmup = 2;
     server = std::make_unique<sim::CameraServer>(
-        served, 0, [this](int camera, const TriggerPulse& pulse) -> const ImageU8& { return Image(camera, pulse); },
+        served, 0,
+        [this](int camera, const TriggerPulse& pulse) -> const ImageU8& {
+          return Image(camera, pulse);
+        },
         options);
     config.trigger.bus_port = server->BusPort();
   }

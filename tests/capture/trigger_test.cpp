@@ -1,15 +1,14 @@
 #include "capture/trigger.h"
 
-#include <algorithm>
-#include <array>
-
 #include <arpa/inet.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
+#include <algorithm>
+#include <array>
 
 #include "capture/host_clock.h"
 #include "core/error.h"
@@ -97,8 +96,9 @@ TEST(FireSchedule, LateEdgeKeepsItsDistanceAndTheScheduleIsCaughtUp) {
   EXPECT_GT(edges[3].actual_ns - edges[3].scheduled_ns, 20'000'000);
   // Made up at 2 ms an edge; a busy host may hold single edges up again.
   const auto late = [](const TriggerEdge& edge) { return edge.actual_ns - edge.scheduled_ns; };
-  const auto caught_up = std::min_element(edges.begin() + 4, edges.end(),
-                                          [&](const auto& a, const auto& b) { return late(a) < late(b); });
+  const auto caught_up =
+      std::min_element(edges.begin() + 4, edges.end(),
+                       [&](const auto& a, const auto& b) { return late(a) < late(b); });
   EXPECT_LT(late(*caught_up), late(edges[3]));
 }
 
@@ -107,7 +107,9 @@ TEST(FireSchedule, StopsBeforeTheNextEdge) {
   int calls = 0;
   const auto trigger = MakeSoftwareTrigger({[&] { stop = ++calls == 4; }});
   TriggerLog log;
-  EXPECT_EQ(FireSchedule(*trigger, {.start_ns = HostNowNs(), .period_ns = 1'000'000, .count = 100}, log, &stop), 4);
+  EXPECT_EQ(FireSchedule(*trigger, {.start_ns = HostNowNs(), .period_ns = 1'000'000, .count = 100},
+                         log, &stop),
+            4);
   EXPECT_EQ(log.Size(), 4);
 }
 
