@@ -1,14 +1,14 @@
 #include "recon/fuse.h"
 
+#include <pcl/kdtree/kdtree_flann.h>
+#include <pcl/point_types.h>
+#include <tbb/parallel_for.h>
+
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <numeric>
-
-#include <Eigen/Dense>
-#include <pcl/kdtree/kdtree_flann.h>
-#include <pcl/point_types.h>
-#include <tbb/parallel_for.h>
 
 #include "core/error.h"
 
@@ -60,7 +60,8 @@ Merged MergePair(std::span<const PairPoint> points, std::span<const std::uint32_
 }
 
 /// Mean over pairs where they agree; otherwise each stays for itself.
-void MergePairs(std::vector<Merged>& of_voxel, double max_disagreement_m, std::vector<Merged>& out) {
+void MergePairs(std::vector<Merged>& of_voxel, double max_disagreement_m,
+                std::vector<Merged>& out) {
   std::sort(of_voxel.begin(), of_voxel.end(),
             [](const Merged& a, const Merged& b) { return a.weight > b.weight; });
   Merged& best = of_voxel.front();
@@ -70,7 +71,8 @@ void MergePairs(std::vector<Merged>& of_voxel, double max_disagreement_m, std::v
   for (std::size_t i = 1; i < of_voxel.size(); ++i) {
     const Merged& other = of_voxel[i];
     const Eigen::Vector3d off = other.point_m - reference;
-    if (std::abs(off.dot(best.to_camera)) > max_disagreement_m || other.to_camera.dot(best.to_camera) < -0.5) {
+    if (std::abs(off.dot(best.to_camera)) > max_disagreement_m ||
+        other.to_camera.dot(best.to_camera) < -0.5) {
       out.push_back(other);
       continue;
     }
@@ -116,13 +118,14 @@ std::vector<Merged> MergeVoxels(std::span<const PairPoint> points, const FuseOpt
 
 /// What the nearest points say of a point.
 struct Neighbourhood {
-  std::vector<int> near;      ///< within connect_m
+  std::vector<int> near;  ///< within connect_m
   double mean_distance_m = 0;
   double plane_residual_m = 0;
   Eigen::Vector3d normal = Eigen::Vector3d::Zero();
 };
 
-std::vector<Neighbourhood> FindNeighbourhoods(const std::vector<Merged>& points, const FuseOptions& options) {
+std::vector<Neighbourhood> FindNeighbourhoods(const std::vector<Merged>& points,
+                                              const FuseOptions& options) {
   const auto cloud = std::make_shared<pcl::PointCloud<pcl::PointXYZ>>();
   cloud->reserve(points.size());
   for (const Merged& p : points) {
@@ -161,7 +164,8 @@ std::vector<Neighbourhood> FindNeighbourhoods(const std::vector<Merged>& points,
   return result;
 }
 
-std::vector<char> FindInliers(const std::vector<Neighbourhood>& around, const FuseOptions& options) {
+std::vector<char> FindInliers(const std::vector<Neighbourhood>& around,
+                              const FuseOptions& options) {
   double sum = 0, squares = 0;
   for (const Neighbourhood& n : around) {
     sum += n.mean_distance_m;
@@ -180,8 +184,8 @@ std::vector<char> FindInliers(const std::vector<Neighbourhood>& around, const Fu
 }
 
 /// Component number of every inlier (-1 for others); neighbours within connect_m are connected.
-std::vector<int> FindComponents(const std::vector<Neighbourhood>& around, const std::vector<char>& inlier,
-                                int& components) {
+std::vector<int> FindComponents(const std::vector<Neighbourhood>& around,
+                                const std::vector<char>& inlier, int& components) {
   std::vector<int> parent(around.size());
   std::iota(parent.begin(), parent.end(), 0);
   const auto root = [&](int i) {
@@ -223,7 +227,8 @@ void Append(const Merged& point, const Eigen::Vector3d& normal, PointCloud& clou
 }  // namespace
 
 FusedClouds Fuse(std::span<const PairPoint> points, int pairs, const FuseOptions& options) {
-  Require(options.voxel_m > 1e-5 && options.neighbours >= 3, "fuse: voxel_m must exceed 0.01 mm and neighbours be at least 3");
+  Require(options.voxel_m > 1e-5 && options.neighbours >= 3,
+          "fuse: voxel_m must exceed 0.01 mm and neighbours be at least 3");
   FusedClouds result;
   result.foot_points.assign(static_cast<std::size_t>(pairs), 0);
   if (points.empty()) return result;
@@ -233,7 +238,8 @@ FusedClouds Fuse(std::span<const PairPoint> points, int pairs, const FuseOptions
   int components = 0;
   const std::vector<int> component = FindComponents(around, inlier, components);
 
-  std::vector<int> size(static_cast<std::size_t>(components)), high(static_cast<std::size_t>(components));
+  std::vector<int> size(static_cast<std::size_t>(components)),
+      high(static_cast<std::size_t>(components));
   for (std::size_t i = 0; i < merged.size(); ++i) {
     if (component[i] < 0) continue;
     const auto c = static_cast<std::size_t>(component[i]);

@@ -9,15 +9,15 @@
 namespace sole::recon {
 
 struct FuseOptions {
-  double voxel_m = 0.001;          ///< points of one voxel are merged
-  double max_disagreement_m = 0.0004;  ///< pairs that differ more in a voxel are not averaged
-  int neighbours = 20;             ///< for normals and outliers
-  double outlier_deviations = 2.5; ///< of the mean neighbour distance
+  double voxel_m = 0.001;                ///< points of one voxel are merged
+  double max_disagreement_m = 0.0004;    ///< pairs that differ more in a voxel are not averaged
+  int neighbours = 20;                   ///< for normals and outliers
+  double outlier_deviations = 2.5;       ///< of the mean neighbour distance
   double max_plane_residual_m = 0.0006;  ///< of a point from the plane of its neighbours
-  double connect_m = 0.003;        ///< points nearer than this belong together
-  int min_component = 300;         ///< merged points of a separate piece of foot
-  double min_foot_height_m = 0.004;  ///< a piece that stays below is platform, not foot
-  double platform_height_m = 0.001;  ///< platform points lie within this of z = 0
+  double connect_m = 0.003;              ///< points nearer than this belong together
+  int min_component = 300;               ///< merged points of a separate piece of foot
+  double min_foot_height_m = 0.004;      ///< a piece that stays below is platform, not foot
+  double platform_height_m = 0.001;      ///< platform points lie within this of z = 0
 };
 
 struct FusedClouds {
@@ -27,9 +27,10 @@ struct FusedClouds {
   int outliers = 0;              ///< merged points removed
 };
 
-/// One cloud from the points of all pairs: variance-weighted mean in small voxels (points of one pair share
-/// their window's noise, so only different pairs reduce sigma), removal of statistical outliers and of small separate pieces,
-/// normals towards the cameras. Pieces that lie flat on the glass top go to `platform`.
+/// One cloud from the points of all pairs: variance-weighted mean in small voxels (points of one
+/// pair share their window's noise, so only different pairs reduce sigma), removal of statistical
+/// outliers and of small separate pieces, normals towards the cameras. Pieces that lie flat on the
+/// glass top go to `platform`.
 FusedClouds Fuse(std::span<const PairPoint> points, int pairs, const FuseOptions& options = {});
 
 }  // namespace sole::recon

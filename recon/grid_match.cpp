@@ -1,12 +1,12 @@
 #include "recon/grid_match.h"
 
+#include <tbb/parallel_for.h>
+
+#include <Eigen/Dense>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <optional>
-
-#include <Eigen/Dense>
-#include <tbb/parallel_for.h>
 
 #include "core/error.h"
 
@@ -18,9 +18,12 @@ struct LocalDisparity {
   double value = 0, slope_x = 0, slope_y = 0;
 };
 
-std::optional<LocalDisparity> FitDisparity(const ImageF& disparity, const Eigen::Vector2d& at, int radius) {
+std::optional<LocalDisparity> FitDisparity(const ImageF& disparity, const Eigen::Vector2d& at,
+                                           int radius) {
   const int cx = static_cast<int>(std::lround(at.x())), cy = static_cast<int>(std::lround(at.y()));
-  if (cx < radius || cy < radius || cx >= disparity.width - radius || cy >= disparity.height - radius) return {};
+  if (cx < radius || cy < radius || cx >= disparity.width - radius ||
+      cy >= disparity.height - radius)
+    return {};
   const auto centre = static_cast<double>(disparity.At(cx, cy));
   if (!std::isfinite(centre)) return {};
   Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
@@ -46,8 +49,13 @@ class Grid {
  public:
   Grid(const PreparedImage& left, const PreparedImage& right, const ImageU8& mask,
        const GridOptions& options, const SubsetOptions& subset)
-      : left_(left), right_(right), mask_(mask), options_(options), subset_(subset),
-        cols_((mask.width - 1) / options.step_px + 1), rows_((mask.height - 1) / options.step_px + 1),
+      : left_(left),
+        right_(right),
+        mask_(mask),
+        options_(options),
+        subset_(subset),
+        cols_((mask.width - 1) / options.step_px + 1),
+        rows_((mask.height - 1) / options.step_px + 1),
         nodes_(static_cast<std::size_t>(cols_) * static_cast<std::size_t>(rows_)) {
     for (int i = 0; i < Count(); ++i) At(i).lit = mask.At(Pixel(i).x(), Pixel(i).y()) != 0;
   }
@@ -71,7 +79,8 @@ class Grid {
       ++node.grown;
       starts.emplace_back(i, Extrapolate(from, i));
     }
-    tbb::parallel_for(std::size_t{0}, starts.size(), [&](std::size_t k) { Try(starts[k].first, starts[k].second); });
+    tbb::parallel_for(std::size_t{0}, starts.size(),
+                      [&](std::size_t k) { Try(starts[k].first, starts[k].second); });
     return !starts.empty();
   }
 
@@ -82,10 +91,16 @@ class Grid {
       if (!Matched(i)) return;
       SubsetWarp start = At(i).match.warp;
       start.curvature = CurvatureAround(i);
-      refined[static_cast<std::size_t>(i)] = MatchSubset(left_, right_, &mask_, Pixel(i), start, subset_);
+      refined[static_cast<std::size_t>(i)] =
+          MatchSubset(left_, right_, &mask_, Pixel(i), start, subset_);
     });
+    // The curvature is noisy too; on speckle with noise of 1 to 5 grey levels it adds about as much
+    // variance.
+    constexpr double kVarianceFactor = 1.7;
     for (int i = 0; i < Count(); ++i) {
-      if (Matched(i)) At(i).match = refined[static_cast<std::size_t>(i)];
+      if (!Matched(i)) continue;
+      At(i).match = refined[static_cast<std::size_t>(i)];
+      At(i).match.covariance_px2 *= kVarianceFactor;
     }
   }
 
@@ -109,7 +124,9 @@ class Grid {
   Node& At(int i) { return nodes_[static_cast<std::size_t>(i)]; }
   const Node& At(int i) const { return nodes_[static_cast<std::size_t>(i)]; }
   bool Matched(int i) const { return At(i).match.status == SubsetStatus::kMatched; }
-  Eigen::Vector2i Pixel(int i) const { return {i % cols_ * options_.step_px, i / cols_ * options_.step_px}; }
+  Eigen::Vector2i Pixel(int i) const {
+    return {i % cols_ * options_.step_px, i / cols_ * options_.step_px};
+  }
 
   void Try(int i, const SubsetWarp& start) {
     SubsetMatch match = MatchSubset(left_, right_, &mask_, Pixel(i), start, subset_);
@@ -122,7 +139,8 @@ class Grid {
     const int x = i % cols_, y = i / cols_;
     for (int dy = -1; dy <= 1; ++dy) {
       for (int dx = -1; dx <= 1; ++dx) {
-        if ((dx == 0 && dy == 0) || x + dx < 0 || y + dy < 0 || x + dx >= cols_ || y + dy >= rows_) continue;
+        if ((dx == 0 && dy == 0) || x + dx < 0 || y + dy < 0 || x + dx >= cols_ || y + dy >= rows_)
+          continue;
         f(i + dy * cols_ + dx);
       }
     }
@@ -142,7 +160,8 @@ class Grid {
     return warp;
   }
 
-  /// Least-squares change of the neighbours' warp gradients with position; zero where too few agree.
+  /// Least-squares change of the neighbours' warp gradients with position; zero where too few
+  /// agree.
   Eigen::Matrix<double, 2, 3> CurvatureAround(int i) const {
     const int reach = options_.curvature_reach;
     const int cx = i % cols_, cy = i / cols_;
@@ -157,7 +176,8 @@ class Grid {
         const SubsetWarp& other = At(j).match.warp;
         const SubsetWarp& own = At(i).match.warp;
         // The trapezoid rule is exact for a quadratic warp; a match on another surface fails it.
-        const Eigen::Vector2d expected = own.position_px + 0.5 * (own.gradient + other.gradient) * d;
+        const Eigen::Vector2d expected =
+            own.position_px + 0.5 * (own.gradient + other.gradient) * d;
         if ((expected - other.position_px).norm() > options_.agreement_px) continue;
         moments += d * d.transpose();
         for (int axis = 0; axis < 2; ++axis) {
@@ -168,7 +188,8 @@ class Grid {
     }
     Eigen::Matrix<double, 2, 3> curvature = Eigen::Matrix<double, 2, 3>::Zero();
     const int full = (2 * reach + 1) * (2 * reach + 1) - 1;
-    if (3 * count < full || !(moments.determinant() > 0.02 * moments.trace() * moments.trace())) return curvature;
+    if (3 * count < full || !(moments.determinant() > 0.02 * moments.trace() * moments.trace()))
+      return curvature;
     const Eigen::Matrix2d inverse = moments.inverse();
     const Eigen::Matrix2d by_x = inverse(0, 0) * slopes[0] + inverse(0, 1) * slopes[1];
     const Eigen::Matrix2d by_y = inverse(1, 0) * slopes[0] + inverse(1, 1) * slopes[1];
@@ -189,7 +210,8 @@ class Grid {
     return agreeing >= options_.min_agreeing && 2 * agreeing >= matched;
   }
 
-  std::optional<SubsetWarp> StartFromDisparity(const Rectification& rectification, const ImageF& disparity,
+  std::optional<SubsetWarp> StartFromDisparity(const Rectification& rectification,
+                                               const ImageF& disparity,
                                                const Eigen::Vector2i& pixel) const {
     const RectifiedView& view = rectification.left;
     const Eigen::Vector2d raw = pixel.cast<double>();
@@ -226,7 +248,8 @@ class Grid {
 GridMatches MatchOnGrid(const PreparedImage& left, const PreparedImage& right, const ImageU8& mask,
                         const Rectification& rectification, const ImageF& disparity,
                         const GridOptions& grid, const SubsetOptions& subset) {
-  Require(grid.step_px >= 1 && grid.plane_radius_px >= 1, "grid step_px and plane_radius_px must be at least 1");
+  Require(grid.step_px >= 1 && grid.plane_radius_px >= 1,
+          "grid step_px and plane_radius_px must be at least 1");
   Grid nodes(left, right, mask, grid, subset);
   nodes.MatchFromDisparity(rectification, disparity);
   for (int round = 0; round < grid.max_rounds && nodes.Grow(); ++round) {

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <limits>
-
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -18,9 +17,9 @@ cv::Mat View(const ImageF& image) {
 }
 
 /// Rectified image. The raw image is smoothed first where the rectified one is coarser.
-cv::Mat Resample(const ImageU8& raw, const Rectification& rectification, const RectifiedView& view) {
-  const double scale = 4 * rectification.focal_px /
-                       (2 * view.camera.intrinsics.head<2>().sum());
+cv::Mat Resample(const ImageU8& raw, const Rectification& rectification,
+                 const RectifiedView& view) {
+  const double scale = 4 * rectification.focal_px / (2 * view.camera.intrinsics.head<2>().sum());
   cv::Mat smooth = View(raw);
   if (scale < 0.75) cv::GaussianBlur(smooth, smooth.clone(), cv::Size(0, 0), 0.35 / scale);
   cv::Mat rectified;
@@ -41,17 +40,18 @@ int Quantile(const std::array<std::size_t, 256>& histogram, std::size_t total, d
 
 }  // namespace
 
-ImageF InitialDisparity(const ImageU8& left, const ImageU8& right, const Rectification& rectification,
-                        const MatchOptions& options) {
+ImageF InitialDisparity(const ImageU8& left, const ImageU8& right,
+                        const Rectification& rectification, const MatchOptions& options) {
   const cv::Mat rect_left = Resample(left, rectification, rectification.left);
   const cv::Mat rect_right = Resample(right, rectification, rectification.right);
   const int area = options.block_px * options.block_px;
   const auto matcher = cv::StereoSGBM::create(
-      0, rectification.disparities, options.block_px, 4 * area, 24 * area, 1, 31, options.uniqueness,
-      options.min_region_px, 2, cv::StereoSGBM::MODE_SGBM_3WAY);
+      0, rectification.disparities, options.block_px, 4 * area, 24 * area, 1, 31,
+      options.uniqueness, options.min_region_px, 2, cv::StereoSGBM::MODE_SGBM_3WAY);
   cv::Mat fixed;
   matcher->compute(rect_left, rect_right, fixed);
-  ImageF disparity(rectification.width, rectification.height, std::numeric_limits<float>::quiet_NaN());
+  ImageF disparity(rectification.width, rectification.height,
+                   std::numeric_limits<float>::quiet_NaN());
   for (int y = 0; y < fixed.rows; ++y) {
     const auto* row = fixed.ptr<std::int16_t>(y);
     for (int x = 0; x < fixed.cols; ++x) {
@@ -80,7 +80,8 @@ Foreground FindForeground(const ImageU8& image, const ForegroundOptions& options
     if (level > threshold) lit += histogram[static_cast<std::size_t>(level)];
     if (level >= options.saturated_level) saturated += histogram[static_cast<std::size_t>(level)];
   }
-  if (static_cast<double>(saturated) > options.max_saturated * static_cast<double>(std::max<std::size_t>(lit, 1)) ||
+  if (static_cast<double>(saturated) >
+          options.max_saturated * static_cast<double>(std::max<std::size_t>(lit, 1)) ||
       background >= options.saturated_level) {
     result.problem = "saturated";
     return result;

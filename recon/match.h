@@ -8,27 +8,28 @@
 namespace sole::recon {
 
 struct MatchOptions {
-  int block_px = 5;         ///< odd, rectified pixels
-  int uniqueness = 3;       ///< percent by which the best cost must win
-  int min_region_px = 40;   ///< smaller islands of disparity are dropped
+  int block_px = 5;        ///< odd, rectified pixels
+  int uniqueness = 3;      ///< percent by which the best cost must win
+  int min_region_px = 40;  ///< smaller islands of disparity are dropped
 };
 
-/// Start values for subset matching: semi-global matching of the rectified pair (OpenCV's SGBM, three-way). Disparity in
-/// rectified pixels for every pixel of the rectified left image; NaN where there is none.
-ImageF InitialDisparity(const ImageU8& left, const ImageU8& right, const Rectification& rectification,
-                        const MatchOptions& options = {});
+/// Start values for subset matching: semi-global matching of the rectified pair (OpenCV's SGBM,
+/// three-way). Disparity in rectified pixels for every pixel of the rectified left image; NaN where
+/// there is none.
+ImageF InitialDisparity(const ImageU8& left, const ImageU8& right,
+                        const Rectification& rectification, const MatchOptions& options = {});
 
 struct ForegroundOptions {
-  int close_px = 6;          ///< dark gaps of the speckle up to twice this are filled
+  int close_px = 6;              ///< dark gaps of the speckle up to twice this are filled
   double relative_level = 0.10;  ///< of the range from background to bright that counts as lit
-  double min_rise = 6;       ///< grey levels a lit pixel stands above the background at least
-  double dark_level = 16;    ///< an image whose brightest thousandth stays below is dark
+  double min_rise = 6;           ///< grey levels a lit pixel stands above the background at least
+  double dark_level = 16;        ///< an image whose brightest thousandth stays below is dark
   int saturated_level = 252;
   double max_saturated = 0.35;  ///< share of lit pixels
 };
 
-/// Lit parts of an image: what a projector hits. `problem` says in words why the image cannot be used (dark,
-/// saturated), else it is empty.
+/// Lit parts of an image: what a projector hits. `problem` says in words why the image cannot be
+/// used (dark, saturated), else it is empty.
 struct Foreground {
   ImageU8 mask;  ///< 255 where lit
   std::string problem;

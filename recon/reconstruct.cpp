@@ -1,9 +1,9 @@
 #include "recon/reconstruct.h"
 
+#include <tbb/parallel_for.h>
+
 #include <chrono>
 #include <optional>
-
-#include <tbb/parallel_for.h>
 
 #include "core/error.h"
 
@@ -48,17 +48,19 @@ Side PrepareSide(const Camera& camera, const std::optional<ImageU8>& image, bool
 
 void CheckFrame(const Rig& rig, const FrameSet& frame) {
   Require(frame.images.size() == rig.cameras.size(),
-          "trigger " + std::to_string(frame.trigger) + " has " + std::to_string(frame.images.size()) +
-              " images, the calibration " + std::to_string(rig.cameras.size()) +
-              " cameras: calibrate this rig");
+          "trigger " + std::to_string(frame.trigger) + " has " +
+              std::to_string(frame.images.size()) + " images, the calibration " +
+              std::to_string(rig.cameras.size()) + " cameras: calibrate this rig");
   for (std::size_t i = 0; i < rig.cameras.size(); ++i) {
     if (!frame.images[i]) continue;
     const ImageU8& image = *frame.images[i];
     const Camera& camera = rig.cameras[i];
-    const auto pixels = static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
-    Require(image.width == camera.width && image.height == camera.height && image.pixels.size() == pixels,
-            "trigger " + std::to_string(frame.trigger) + ": image of camera " + camera.serial + " is " +
-                std::to_string(image.width) + " x " + std::to_string(image.height) +
+    const auto pixels =
+        static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
+    Require(image.width == camera.width && image.height == camera.height &&
+                image.pixels.size() == pixels,
+            "trigger " + std::to_string(frame.trigger) + ": image of camera " + camera.serial +
+                " is " + std::to_string(image.width) + " x " + std::to_string(image.height) +
                 ", the calibration says " + std::to_string(camera.width) + " x " +
                 std::to_string(camera.height) + ": calibrate this rig");
   }
@@ -98,23 +100,29 @@ FrameReconstruction Reconstructor::Reconstruct(const FrameSet& frame) const {
       stats.skipped = "texture exposure: only speckle exposures are matched";
       continue;
     }
-    const Side left_side = PrepareSide(rig.cameras[left], frame.images[left], true, options.foreground);
-    const Side right_side = PrepareSide(rig.cameras[right], frame.images[right], false, options.foreground);
+    const Side left_side =
+        PrepareSide(rig.cameras[left], frame.images[left], true, options.foreground);
+    const Side right_side =
+        PrepareSide(rig.cameras[right], frame.images[right], false, options.foreground);
     stats.skipped = left_side.problem.empty() ? right_side.problem : left_side.problem;
     if (!stats.skipped.empty()) continue;
-    const ImageF disparity =
-        InitialDisparity(*frame.images[left], *frame.images[right], rectifications[i], options.match);
-    const GridMatches grid = MatchOnGrid(left_side.prepared, right_side.prepared, left_side.foreground.mask,
-                                         rectifications[i], disparity, options.grid, options.subset);
+    const ImageF disparity = InitialDisparity(*frame.images[left], *frame.images[right],
+                                              rectifications[i], options.match);
+    const GridMatches grid =
+        MatchOnGrid(left_side.prepared, right_side.prepared, left_side.foreground.mask,
+                    rectifications[i], disparity, options.grid, options.subset);
     stats.tried = grid.tried;
     stats.matched = static_cast<int>(grid.matches.size());
-    for (const PixelMatch& match : grid.matches) stats.mean_zncc += match.match.zncc / stats.matched;
-    Triangulation triangulation = Triangulate(rig, static_cast<int>(i), grid.matches, *frame.images[left],
-                                              options.triangulate);
+    for (const PixelMatch& match : grid.matches)
+      stats.mean_zncc += match.match.zncc / stats.matched;
+    Triangulation triangulation = Triangulate(rig, static_cast<int>(i), grid.matches,
+                                              *frame.images[left], options.triangulate);
     stats.kept = static_cast<int>(triangulation.points.size());
     stats.median_gap_px = triangulation.median_gap_px;
     points.insert(points.end(), triangulation.points.begin(), triangulation.points.end());
-    if (stats.kept < options.min_matches) {
+    if (2 * triangulation.bad_gap > stats.matched) {
+      stats.skipped = "rays of matching pixels miss each other: calibrate the rig again";
+    } else if (stats.kept < options.min_matches) {
       stats.skipped = "no foot in view: " + std::to_string(stats.matched) + " matches, " +
                       std::to_string(stats.kept) + " of them in the capture volume";
     }

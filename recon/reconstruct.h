@@ -17,7 +17,7 @@
 namespace sole::recon {
 
 struct ReconstructOptions {
-  CaptureVolume volume = {};          ///< takes the place of the volumes in rectify and triangulate
+  CaptureVolume volume = {};  ///< takes the place of the volumes in rectify and triangulate
   RectifyOptions rectify = {};
   ForegroundOptions foreground = {};
   MatchOptions match = {};
@@ -25,20 +25,20 @@ struct ReconstructOptions {
   SubsetOptions subset = {};
   TriangulateOptions triangulate = {};
   FuseOptions fuse = {};
-  int min_matches = 200;         ///< a pair with fewer sees no foot
+  int min_matches = 200;  ///< a pair with fewer sees no foot
 };
 
 /// What became of one stereo pair in one frame.
 struct PairStats {
   std::string name;
-  int tried = 0;                 ///< lit points of the left image's grid
-  int matched = 0;               ///< sub-pixel matches that passed every gate in the images
-  int kept = 0;                  ///< triangulated points that passed every gate in space
-  int in_cloud = 0;              ///< merged points of the foot that come mainly from this pair
+  int tried = 0;     ///< lit points of the left image's grid
+  int matched = 0;   ///< sub-pixel matches that passed every gate in the images
+  int kept = 0;      ///< triangulated points that passed every gate in space
+  int in_cloud = 0;  ///< merged points of the foot that come mainly from this pair
   double mean_zncc = 0;
-  double median_gap_px = 0;      ///< signed distance between the rays; a hint of a drifted calibration
+  double median_gap_px = 0;  ///< signed distance between the rays; a hint of a drifted calibration
   double seconds = 0;
-  std::string skipped;           ///< why the pair gave nothing; empty if it did
+  std::string skipped;  ///< why the pair gave nothing; empty if it did
 };
 
 struct FrameReconstruction {
@@ -48,7 +48,8 @@ struct FrameReconstruction {
   double seconds = 0;
 };
 
-/// Turns frames of one rig into point clouds. Keeps the rectification maps; Reconstruct may be called from several threads.
+/// Turns frames of one rig into point clouds. Keeps the rectification maps; Reconstruct may be
+/// called from several threads.
 class Reconstructor {
  public:
   /// Throws Error if the rig has no pairs or a pair cannot be rectified.
@@ -57,8 +58,8 @@ class Reconstructor {
   Reconstructor(Reconstructor&&) noexcept;
   Reconstructor& operator=(Reconstructor&&) noexcept;
 
-  /// Missing, dark, saturated or foot-less images give a reason in `pairs`, never an exception. Throws
-  /// Error if an image's size or the number of images contradicts the rig.
+  /// Missing, dark, saturated or foot-less images give a reason in `pairs`, never an exception.
+  /// Throws Error if an image's size or the number of images contradicts the rig.
   FrameReconstruction Reconstruct(const FrameSet& frame) const;
 
  private:

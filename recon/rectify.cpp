@@ -1,11 +1,11 @@
 #include "recon/rectify.h"
 
+#include <tbb/parallel_for.h>
+
+#include <Eigen/Dense>
 #include <cmath>
 #include <limits>
 #include <vector>
-
-#include <Eigen/Dense>
-#include <tbb/parallel_for.h>
 
 #include "core/error.h"
 
@@ -74,12 +74,14 @@ Eigen::Matrix3d CommonRotation(const RectifiedView& left, const RectifiedView& r
           "pair '" + pair + "': its cameras stand at one place; check the rig and the calibration");
   const Eigen::Vector3d x = baseline.normalized();
   const auto forward = [](const RectifiedView& view) {
-    return Eigen::Vector3d(view.camera.cam_from_world.rotation.conjugate() * Eigen::Vector3d::UnitZ());
+    return Eigen::Vector3d(view.camera.cam_from_world.rotation.conjugate() *
+                           Eigen::Vector3d::UnitZ());
   };
   const Eigen::Vector3d mean = forward(left) + forward(right);
   const Eigen::Vector3d z = mean - x * x.dot(mean);
-  Require(z.norm() > 0.5 && forward(left).dot(forward(right)) > 0.3,
-          "pair '" + pair + "': its cameras look along their baseline or apart; choose another pair");
+  Require(
+      z.norm() > 0.5 && forward(left).dot(forward(right)) > 0.3,
+      "pair '" + pair + "': its cameras look along their baseline or apart; choose another pair");
   Eigen::Matrix3d rotation;
   rotation.row(0) = x;
   rotation.row(2) = z.normalized();
@@ -130,9 +132,10 @@ Eigen::Vector2d LookUpRaw(const RectifiedView& view, const Eigen::Vector2d& rect
   if (x + 1 >= view.map_x.width || y + 1 >= view.map_x.height) return none;
   const double fx = rectified_px.x() - x, fy = rectified_px.y() - y;
   const auto blend = [&](const ImageF& map) {
-    const double top = (1 - fx) * static_cast<double>(map.At(x, y)) + fx * static_cast<double>(map.At(x + 1, y));
-    const double low =
-        (1 - fx) * static_cast<double>(map.At(x, y + 1)) + fx * static_cast<double>(map.At(x + 1, y + 1));
+    const double top =
+        (1 - fx) * static_cast<double>(map.At(x, y)) + fx * static_cast<double>(map.At(x + 1, y));
+    const double low = (1 - fx) * static_cast<double>(map.At(x, y + 1)) +
+                       fx * static_cast<double>(map.At(x + 1, y + 1));
     return (1 - fy) * top + fy * low;
   };
   return {blend(view.map_x), blend(view.map_y)};
@@ -155,14 +158,14 @@ Rectification Rectify(const Rig& rig, const StereoPair& pair, const RectifyOptio
   result.left = make_view(pair.left);
   result.right = make_view(pair.right);
   const bool glass = result.left.through_plate || result.right.through_plate;
-  const double top_m =
-      glass ? options.volume.max_height_through_glass_m : options.volume.max_m.z();
+  const double top_m = glass ? options.volume.max_height_through_glass_m : options.volume.max_m.z();
   const std::vector<Eigen::Vector3d> samples = SampleVolume(options.volume, top_m);
   result.left.centre_m = PinholeCentre(result.left.camera, rig.plate, samples);
   result.right.centre_m = PinholeCentre(result.right.camera, rig.plate, samples);
   result.rect_from_world = CommonRotation(result.left, result.right, pair.name);
   result.focal_px = options.scale * 0.25 *
-                    (result.left.camera.intrinsics.head<2>().sum() + result.right.camera.intrinsics.head<2>().sum());
+                    (result.left.camera.intrinsics.head<2>().sum() +
+                     result.right.camera.intrinsics.head<2>().sum());
 
   // Extent of the volume in both views, and of its disparities.
   const double inf = std::numeric_limits<double>::infinity();
@@ -181,9 +184,10 @@ Rectification Rectify(const Rig& rig, const StereoPair& pair, const RectifyOptio
     min_disparity = std::min(min_disparity, l.x() - r.x());
     max_disparity = std::max(max_disparity, l.x() - r.x());
   }
-  Require(std::isfinite(min_disparity), "pair '" + pair.name +
-                                            "': its cameras share no part of the capture volume; check "
-                                            "their poses");
+  Require(std::isfinite(min_disparity),
+          "pair '" + pair.name +
+              "': its cameras share no part of the capture volume; check "
+              "their poses");
   const double first = std::floor(min_disparity) - 2;
   result.disparities = 16 * static_cast<int>(std::ceil((max_disparity + 3 - first) / 16));
   // Semi-global matching leaves out the first `disparities` columns of the left image: add as many.

@@ -7,8 +7,8 @@
 
 namespace sole::recon {
 
-/// Box of the world where a surface is looked for. Cameras below the glass see the sole, so their range of
-/// heights ends at `max_height_through_glass_m`.
+/// Box of the world where a surface is looked for. Cameras below the glass see the sole, so their
+/// range of heights ends at `max_height_through_glass_m`.
 struct CaptureVolume {
   Eigen::Vector3d min_m{-0.11, -0.19, -0.002};
   Eigen::Vector3d max_m{0.11, 0.19, 0.17};
@@ -17,34 +17,38 @@ struct CaptureVolume {
 
 struct RectifyOptions {
   CaptureVolume volume = {};
-  double scale = 0.5;             ///< rectified pixels per raw pixel
-  double mid_height_m = 0.03;     ///< height at which views through the glass are exact
+  double scale = 0.5;          ///< rectified pixels per raw pixel
+  double mid_height_m = 0.03;  ///< height at which views through the glass are exact
 };
 
 /// One camera of a rectified pair: the pinhole that stands for it, and where its pixels come from.
 struct RectifiedView {
   Camera camera;
   bool through_plate = false;
-  Eigen::Vector3d centre_m;       ///< of the pinhole, world frame: nearest to the camera's rays beyond the glass
-  Eigen::Vector2d origin_px;      ///< image-plane position (focal_px times tangent) of rectified pixel (0, 0)
-  ImageF map_x, map_y;            ///< raw pixel of every rectified pixel; -1e4 where there is none
+  Eigen::Vector3d
+      centre_m;  ///< of the pinhole, world frame: nearest to the camera's rays beyond the glass
+  Eigen::Vector2d
+      origin_px;        ///< image-plane position (focal_px times tangent) of rectified pixel (0, 0)
+  ImageF map_x, map_y;  ///< raw pixel of every rectified pixel; -1e4 where there is none
 };
 
 /// A pair turned so that corresponding points share a row. Disparity is left x minus right x, 0 to
-/// `disparities` over the capture volume. For views through the glass no pinhole is exact: the maps are exact for points at
-/// mid_height_m, and the rows of other points of the volume agree to about a pixel.
+/// `disparities` over the capture volume. For views through the glass no pinhole is exact: the maps
+/// are exact for points at mid_height_m, and the rows of other points of the volume agree to about
+/// a pixel.
 struct Rectification {
   Eigen::Matrix3d rect_from_world;
   double focal_px = 0;
   int width = 0;
   int height = 0;
-  int disparities = 0;            ///< a multiple of 16
+  int disparities = 0;  ///< a multiple of 16
   double mid_height_m = 0;
   Plate plate;
   RectifiedView left, right;
 };
 
-/// Throws Error if the cameras stand at one place, look along their baseline, or share no part of the volume.
+/// Throws Error if the cameras stand at one place, look along their baseline, or share no part of
+/// the volume.
 Rectification Rectify(const Rig& rig, const StereoPair& pair, const RectifyOptions& options = {});
 
 /// Rectified pixel of a world point under the pinhole of a view.

@@ -1,11 +1,11 @@
 #include "recon/subset.h"
 
+#include <tbb/parallel_for.h>
+
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <limits>
-
-#include <Eigen/Dense>
-#include <tbb/parallel_for.h>
 
 #include "core/error.h"
 #include "recon/subset_kernel_internal.h"
@@ -19,7 +19,8 @@ using Matrix6 = Eigen::Matrix<double, 6, 6>;
 constexpr float kPole = -0.26794919F;  // sqrt(3) - 2
 constexpr int kHorizon = 14;           // kPole^14 < 1e-8
 
-/// Cubic B-spline prefilter of one line of `n` values `step` apart, in place (mirrored ends; Unser 1993).
+/// Cubic B-spline prefilter of one line of `n` values `step` apart, in place (mirrored ends; Unser
+/// 1993).
 void PrefilterRow(float* line, int n) {
   float sum = 0, power = 1;
   for (int i = 0; i < std::min(kHorizon, n); ++i, power *= kPole) sum += power * line[i];
@@ -47,7 +48,8 @@ void PrefilterColumns(ImageF& image, int x0, int x1) {
   }
   const float* before = image.Row(n - 2).data();
   float* last = image.Row(n - 1).data();
-  for (int x = x0; x < x1; ++x) last[x] = kPole / (kPole * kPole - 1) * (last[x] + kPole * before[x]);
+  for (int x = x0; x < x1; ++x)
+    last[x] = kPole / (kPole * kPole - 1) * (last[x] + kPole * before[x]);
   for (int y = n - 2; y >= 0; --y) {
     const float* below = image.Row(y + 1).data();
     float* row = image.Row(y).data();
@@ -66,7 +68,8 @@ void FillGradients(PreparedImage& image) {
     float* gy = image.gradient_y.Row(y).data();
     constexpr float k = 1.0F / 12.0F;
     for (int x = 1; x < c.width - 1; ++x) {
-      gx[x] = k * ((up[x + 1] - up[x - 1]) + 4 * (at[x + 1] - at[x - 1]) + (down[x + 1] - down[x - 1]));
+      gx[x] =
+          k * ((up[x + 1] - up[x - 1]) + 4 * (at[x + 1] - at[x - 1]) + (down[x + 1] - down[x - 1]));
       gy[x] = k * ((down[x - 1] - up[x - 1]) + 4 * (down[x] - up[x]) + (down[x + 1] - up[x + 1]));
     }
   });
@@ -86,9 +89,9 @@ SubsetWarp Compose(const SubsetWarp& warp, const Vector6& step) {
 WarpPolynomial Polynomial(const SubsetWarp& w) {
   WarpPolynomial result;
   for (int axis = 0; axis < 2; ++axis) {
-    result[static_cast<std::size_t>(axis)] = {w.position_px[axis],          w.gradient(axis, 0),
-                                              w.gradient(axis, 1),          0.5 * w.curvature(axis, 0),
-                                              w.curvature(axis, 1),         0.5 * w.curvature(axis, 2)};
+    result[static_cast<std::size_t>(axis)] = {w.position_px[axis],  w.gradient(axis, 0),
+                                              w.gradient(axis, 1),  0.5 * w.curvature(axis, 0),
+                                              w.curvature(axis, 1), 0.5 * w.curvature(axis, 2)};
   }
   return result;
 }
@@ -96,17 +99,18 @@ WarpPolynomial Polynomial(const SubsetWarp& w) {
 }  // namespace
 
 PreparedImage Prepare(const ImageU8& image, bool with_gradients) {
-  Require(image.width >= 16 && image.height >= 16, "image too small to match: at least 16 x 16 pixels");
+  Require(image.width >= 16 && image.height >= 16,
+          "image too small to match: at least 16 x 16 pixels");
   PreparedImage result;
   result.coefficients = ImageF(image.width, image.height);
   std::copy(image.pixels.begin(), image.pixels.end(), result.coefficients.pixels.begin());
   if (with_gradients) result.grey = result.coefficients;
-  tbb::parallel_for(0, image.height, [&](int y) {
-    PrefilterRow(result.coefficients.Row(y).data(), image.width);
-  });
+  tbb::parallel_for(0, image.height,
+                    [&](int y) { PrefilterRow(result.coefficients.Row(y).data(), image.width); });
   constexpr int kStrip = 128;
   tbb::parallel_for(0, (image.width + kStrip - 1) / kStrip, [&](int strip) {
-    PrefilterColumns(result.coefficients, strip * kStrip, std::min((strip + 1) * kStrip, image.width));
+    PrefilterColumns(result.coefficients, strip * kStrip,
+                     std::min((strip + 1) * kStrip, image.width));
   });
   if (with_gradients) FillGradients(result);
   return result;
@@ -118,14 +122,16 @@ double GreyAt(const PreparedImage& image, const Eigen::Vector2d& position_px) {
         position_px.y() <= c.height - 4)) {
     return std::numeric_limits<double>::quiet_NaN();
   }
-  return static_cast<double>(SplineAt(c.pixels.data(), c.width, 0, 0, static_cast<float>(position_px.x()),
+  return static_cast<double>(SplineAt(c.pixels.data(), c.width, 0, 0,
+                                      static_cast<float>(position_px.x()),
                                       static_cast<float>(position_px.y())));
 }
 
 SubsetMatch MatchSubset(const PreparedImage& left, const PreparedImage& right, const ImageU8* mask,
                         const Eigen::Vector2i& centre, const SubsetWarp& start,
                         const SubsetOptions& options) {
-  Require(options.radius_px >= 2 && options.radius_px <= kMaxRadius, "subset radius_px must be 2 to 15");
+  Require(options.radius_px >= 2 && options.radius_px <= kMaxRadius,
+          "subset radius_px must be 2 to 15");
   SubsetMatch match;
   match.warp = start;
   const int r = options.radius_px;
@@ -144,7 +150,8 @@ SubsetMatch MatchSubset(const PreparedImage& left, const PreparedImage& right, c
   const std::array<double, 36> normal = NormalMatrix(window);
   const Eigen::LDLT<Matrix6> solver(Eigen::Map<const Matrix6>(normal.data()));
   const auto pivots = solver.vectorD();
-  if (solver.info() != Eigen::Success || !(pivots.minCoeff() > 1e-9 * pivots.maxCoeff())) return match;
+  if (solver.info() != Eigen::Success || !(pivots.minCoeff() > 1e-9 * pivots.maxCoeff()))
+    return match;
 
   SubsetComparison comparison;
   bool converged = false;
@@ -159,7 +166,8 @@ SubsetMatch MatchSubset(const PreparedImage& left, const PreparedImage& right, c
     const Vector6 step = -solver.solve(Eigen::Map<const Vector6>(comparison.gradient.data()));
     match.warp = Compose(match.warp, step);
     match.status = SubsetStatus::kDiverged;
-    if (!step.allFinite() || (match.warp.position_px - start.position_px).norm() > options.max_travel_px) {
+    if (!step.allFinite() ||
+        (match.warp.position_px - start.position_px).norm() > options.max_travel_px) {
       return match;
     }
     const double moved = std::max(std::abs(step[0]) + r * (std::abs(step[1]) + std::abs(step[2])),
@@ -175,12 +183,13 @@ SubsetMatch MatchSubset(const PreparedImage& left, const PreparedImage& right, c
   Eigen::Matrix2d step_covariance;
   step_covariance << inverse(0, 0), inverse(0, 3), inverse(3, 0), inverse(3, 3);
   constexpr double kLeastVariance = 0.1;  // rounding to whole grey levels in both images
-  const double variance = std::max(kLeastVariance, comparison.squared_residual / std::max(1.0, pixels - 8));
+  const double variance =
+      std::max(kLeastVariance, comparison.squared_residual / std::max(1.0, pixels - 8));
   match.covariance_px2 =
       variance * (match.warp.gradient * step_covariance * match.warp.gradient.transpose());
   const double trace = match.covariance_px2.trace();
   match.status = trace <= options.max_sigma_px * options.max_sigma_px ? SubsetStatus::kMatched
-                                                                       : SubsetStatus::kUncertain;
+                                                                      : SubsetStatus::kUncertain;
   return match;
 }
 

@@ -6,8 +6,8 @@
 
 namespace sole::recon {
 
-/// An image ready for subset matching: cubic B-spline coefficients, so that grey levels can be read between
-/// pixels, and (for the reference image of a pair) grey levels and gradients at the pixels.
+/// An image ready for subset matching: cubic B-spline coefficients, so that grey levels can be read
+/// between pixels, and (for the reference image of a pair) grey levels and gradients at the pixels.
 struct PreparedImage {
   ImageF coefficients;
   ImageF grey, gradient_x, gradient_y;  ///< empty unless asked for
@@ -31,14 +31,14 @@ struct SubsetWarp {
 };
 
 struct SubsetOptions {
-  int radius_px = 8;               ///< window of 2 radius + 1 pixels, at most 15
+  int radius_px = 6;  ///< window of 2 radius + 1 pixels, at most 15
   int max_iterations = 20;
-  double convergence_px = 0.002;   ///< stop when no corner of the window moves more
-  double max_travel_px = 4;        ///< from the start to the match
+  double convergence_px = 0.002;  ///< stop when no corner of the window moves more
+  double max_travel_px = 4;       ///< from the start to the match
   double min_zncc = 0.85;
-  double min_contrast = 3;         ///< standard deviation of the grey levels in the window
-  double max_sigma_px = 0.12;      ///< largest standard deviation of the match in any direction
-  double min_window = 0.55;        ///< share of the window that must lie inside the mask
+  double min_contrast = 3;     ///< standard deviation of the grey levels in the window
+  double max_sigma_px = 0.12;  ///< largest standard deviation of the match in any direction
+  double min_window = 0.55;    ///< share of the window that must lie inside the mask
 };
 
 enum class SubsetStatus { kMatched, kOutside, kFlat, kDiverged, kPoor, kUncertain };
@@ -52,10 +52,11 @@ struct SubsetMatch {
 };
 
 /// Finds the window around `centre` of the left image in the right image: inverse compositional
-/// Gauss-Newton on the zero-mean normalised sum of squared differences (Baker and Matthews 2004; Pan, Li and Tong
-/// 2013) over an affine warp, grey levels by cubic B-spline. The start's curvature is kept as it is. The covariance is that of least squares
-/// with the residual's own variance. Only left pixels with a non-zero `mask` take part (same size as the image; null: all).
-/// `left` needs gradients.
+/// Gauss-Newton on the zero-mean normalised sum of squared differences (Baker and Matthews 2004;
+/// Pan, Li and Tong 2013) over an affine warp, grey levels by cubic B-spline. The start's curvature
+/// is kept as it is. The covariance is that of least squares with the residual's own variance. Only
+/// left pixels with a non-zero `mask` take part (same size as the image; null: all). `left` needs
+/// gradients.
 SubsetMatch MatchSubset(const PreparedImage& left, const PreparedImage& right, const ImageU8* mask,
                         const Eigen::Vector2i& centre, const SubsetWarp& start,
                         const SubsetOptions& options = {});

@@ -56,7 +56,8 @@ std::array<double, 36> NormalMatrix(const SubsetWindow& window) {
     }
     const double y = j - window.radius;
     for (std::size_t p = 0; p < 3; ++p) {
-      const double one = static_cast<double>(Sum4(row[p][0])), x = static_cast<double>(Sum4(row[p][1]));
+      const double one = static_cast<double>(Sum4(row[p][0])),
+                   x = static_cast<double>(Sum4(row[p][1]));
       sums[p][0] += one;
       sums[p][1] += x;
       sums[p][2] += one * y;
@@ -79,13 +80,16 @@ namespace {
 
 /// Largest distance of a warped window pixel from the warped centre along one axis.
 double Reach(const std::array<double, 6>& c, double r) {
-  return r * (std::abs(c[1]) + std::abs(c[2])) + r * r * (std::abs(c[3]) + std::abs(c[4]) + std::abs(c[5]));
+  return r * (std::abs(c[1]) + std::abs(c[2])) +
+         r * r * (std::abs(c[3]) + std::abs(c[4]) + std::abs(c[5]));
 }
 
-/// Reads the right image's grey levels under the warp into `values`. False if the window leaves the image.
+/// Reads the right image's grey levels under the warp into `values`. False if the window leaves the
+/// image.
 bool Sample(const SubsetWindow& window, const ImageF& coefficients, const WarpPolynomial& warp,
             float* values) {
-  constexpr int kMargin = 64;  // keeps positions relative to the base positive, and floats good to 1e-5 px
+  constexpr int kMargin =
+      64;  // keeps positions relative to the base positive, and floats good to 1e-5 px
   const double reach_x = Reach(warp[0], window.radius), reach_y = Reach(warp[1], window.radius);
   const double x0 = warp[0][0], y0 = warp[1][0];
   if (!(std::max(reach_x, reach_y) < kMargin - 1 && x0 - reach_x >= 2 && y0 - reach_y >= 2 &&
@@ -137,7 +141,8 @@ SubsetComparison Compare(const SubsetWindow& window, const ImageF& coefficients,
   }
   const float norm = std::sqrt(Sum4(squares));
   if (!(norm > 0) || !(window.norm > 0)) return result;
-  result.zncc = static_cast<double>(Sum4(product)) / (static_cast<double>(norm) * static_cast<double>(window.norm));
+  result.zncc = static_cast<double>(Sum4(product)) /
+                (static_cast<double>(norm) * static_cast<double>(window.norm));
   const float scale = window.norm / norm;
   Float4 residual2{};
   for (int j = 0; j < window.Rows(); ++j) {
@@ -145,7 +150,8 @@ SubsetComparison Compare(const SubsetWindow& window, const ImageF& coefficients,
     for (int i = 0; i < window.stride; i += 4) {
       const auto k = static_cast<std::size_t>(j * window.stride + i);
       const Float4 residual = Load4(&window.grey[k]) - Load4(&values[k]) * scale;
-      const Float4 gx = Load4(&window.gradient_x[k]) * residual, gy = Load4(&window.gradient_y[k]) * residual;
+      const Float4 gx = Load4(&window.gradient_x[k]) * residual,
+                   gy = Load4(&window.gradient_y[k]) * residual;
       const Float4 x = Load4(&window.offset[static_cast<std::size_t>(i)]);
       residual2 += residual * residual;
       row[0] += gx;

@@ -19,9 +19,15 @@ inline Float4 Load4(const float* from) {
   std::memcpy(&value, from, sizeof value);
   return value;
 }
-inline void Store4(float* to, Float4 value) { std::memcpy(to, &value, sizeof value); }
-inline Float4 All4(float value) { return Float4{value, value, value, value}; }
-inline float Sum4(Float4 v) { return (v[0] + v[2]) + (v[1] + v[3]); }
+inline void Store4(float* to, Float4 value) {
+  std::memcpy(to, &value, sizeof value);
+}
+inline Float4 All4(float value) {
+  return Float4{value, value, value, value};
+}
+inline float Sum4(Float4 v) {
+  return (v[0] + v[2]) + (v[1] + v[3]);
+}
 
 /// The four cubic B-spline weights at fraction t.
 inline Float4 SplineWeights(float t) {
@@ -31,21 +37,23 @@ inline Float4 SplineWeights(float t) {
   return ((c3 * t + c2) * t + c1) * t + c0;
 }
 
-/// Spline value at (base_x + x, base_y + y), which must lie at least 1 pixel from the border and 2 from the
-/// far one; x and y must not be negative.
-inline float SplineAt(const float* coefficients, int stride, int base_x, int base_y, float x, float y) {
+/// Spline value at (base_x + x, base_y + y), which must lie at least 1 pixel from the border and 2
+/// from the far one; x and y must not be negative.
+inline float SplineAt(const float* coefficients, int stride, int base_x, int base_y, float x,
+                      float y) {
   const int ix = static_cast<int>(x), iy = static_cast<int>(y);
   const Float4 wx = SplineWeights(x - static_cast<float>(ix));
   const Float4 wy = SplineWeights(y - static_cast<float>(iy));
-  const float* row = coefficients + static_cast<std::ptrdiff_t>(base_y + iy - 1) * stride + (base_x + ix - 1);
+  const float* row =
+      coefficients + static_cast<std::ptrdiff_t>(base_y + iy - 1) * stride + (base_x + ix - 1);
   const Float4 sum = Load4(row) * wy[0] + Load4(row + stride) * wy[1] +
                      Load4(row + 2 * static_cast<std::ptrdiff_t>(stride)) * wy[2] +
                      Load4(row + 3 * static_cast<std::ptrdiff_t>(stride)) * wy[3];
   return Sum4(sum * wx);
 }
 
-/// The reference window: grey levels (zero mean), gradients and weights (0 outside the mask and in the padding), row after row
-/// with `stride` floats.
+/// The reference window: grey levels (zero mean), gradients and weights (0 outside the mask and in
+/// the padding), row after row with `stride` floats.
 struct SubsetWindow {
   int radius = 0;
   int stride = 0;
@@ -68,8 +76,8 @@ std::array<double, 36> NormalMatrix(const SubsetWindow& window);
 struct SubsetComparison {
   bool inside = false;
   double zncc = 0;
-  double squared_residual = 0;         ///< of zero-mean left minus normalised right, left grey levels
-  std::array<double, 6> gradient{};    ///< sum of steepest-descent image times residual
+  double squared_residual = 0;       ///< of zero-mean left minus normalised right, left grey levels
+  std::array<double, 6> gradient{};  ///< sum of steepest-descent image times residual
 };
 /// A warp's coordinate as a polynomial of the offset: 1, x, y, x x, x y, y y.
 using WarpPolynomial = std::array<std::array<double, 6>, 2>;

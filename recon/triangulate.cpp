@@ -1,9 +1,9 @@
 #include "recon/triangulate.h"
 
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <cmath>
-
-#include <tbb/parallel_for.h>
 
 #include "core/error.h"
 
@@ -57,8 +57,8 @@ double Median(std::vector<double> values) {
 bool InVolume(const Eigen::Vector3d& p, bool glass, const TriangulateOptions& options) {
   const CaptureVolume& v = options.volume;
   const double top = glass ? v.max_height_through_glass_m : v.max_m.z();
-  return p.x() >= v.min_m.x() && p.x() <= v.max_m.x() && p.y() >= v.min_m.y() && p.y() <= v.max_m.y() &&
-         p.z() >= -options.max_depth_below_glass_m && p.z() <= top;
+  return p.x() >= v.min_m.x() && p.x() <= v.max_m.x() && p.y() >= v.min_m.y() &&
+         p.y() <= v.max_m.y() && p.z() >= -options.max_depth_below_glass_m && p.z() <= top;
 }
 
 }  // namespace
@@ -69,31 +69,36 @@ Triangulation Triangulate(const Rig& rig, int pair, std::span<const PixelMatch> 
   const StereoPair& names = rig.pairs[static_cast<std::size_t>(pair)];
   const Camera& camera_left = rig.cameras[static_cast<std::size_t>(names.left)];
   const Camera& camera_right = rig.cameras[static_cast<std::size_t>(names.right)];
-  const bool glass = LooksThroughPlate(camera_left, rig.plate) || LooksThroughPlate(camera_right, rig.plate);
+  const bool glass =
+      LooksThroughPlate(camera_left, rig.plate) || LooksThroughPlate(camera_right, rig.plate);
 
   std::vector<Candidate> candidates(matches.size());
   tbb::parallel_for(std::size_t{0}, matches.size(), [&](std::size_t i) {
-    candidates[i] = TriangulateOne(camera_left, camera_right, rig.plate, matches[i], options.floor_px);
+    candidates[i] =
+        TriangulateOne(camera_left, camera_right, rig.plate, matches[i], options.floor_px);
   });
   std::vector<double> gaps;
   for (const Candidate& c : candidates) {
-    if (std::abs(c.gap_px) < options.max_gap_px) gaps.push_back(c.gap_px);
+    if (std::isfinite(c.gap_px)) gaps.push_back(c.gap_px);
   }
   Triangulation result;
   result.median_gap_px = Median(gaps);
   for (double& gap : gaps) gap = std::abs(gap - result.median_gap_px);
-  const double window =
-      std::max(options.min_gap_window_px, options.max_gap_spread * 1.4826 * Median(std::move(gaps)));
+  const double window = std::max(options.min_gap_window_px,
+                                 options.max_gap_spread * 1.4826 * Median(std::move(gaps)));
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     Candidate& c = candidates[i];
-    if (!(std::abs(c.gap_px) < options.max_gap_px) || !(std::abs(c.gap_px - result.median_gap_px) < window)) {
+    if (!(std::abs(c.gap_px) < options.max_gap_px) ||
+        !(std::abs(c.gap_px - result.median_gap_px) < window)) {
       ++result.bad_gap;
     } else if (!c.point.point_m.allFinite() || !InVolume(c.point.point_m, glass, options)) {
       ++result.outside;
-    } else if (!(c.point.ray_sigma_m <= options.max_sigma_m) || c.angle_rad < options.min_angle_rad) {
+    } else if (!(c.point.ray_sigma_m <= options.max_sigma_m) ||
+               c.angle_rad < options.min_angle_rad) {
       ++result.uncertain;
     } else {
-      c.point.intensity = static_cast<float>(left.At(matches[i].left_px.x(), matches[i].left_px.y()));
+      c.point.intensity =
+          static_cast<float>(left.At(matches[i].left_px.x(), matches[i].left_px.y()));
       c.point.pair = static_cast<std::uint8_t>(pair);
       result.points.push_back(c.point);
     }

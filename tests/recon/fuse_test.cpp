@@ -1,23 +1,26 @@
 #include "recon/fuse.h"
 
+#include <gtest/gtest.h>
+
 #include <cmath>
 #include <random>
-
-#include <gtest/gtest.h>
 
 namespace sole::recon {
 namespace {
 
 using Eigen::Vector3d;
 
-/// A dome of foot size (radius 60 mm about (0, 0, top - 60 mm)) sampled every 0.8 mm, seen from above.
-void AddDome(std::vector<PairPoint>& points, int pair, double offset_m, double sigma_m, double noise_m,
-             std::mt19937_64& engine) {
+/// A dome of foot size (radius 60 mm about (0, 0, top - 60 mm)) sampled every 0.8 mm, seen from
+/// above.
+void AddDome(std::vector<PairPoint>& points, int pair, double offset_m, double sigma_m,
+             double noise_m, std::mt19937_64& engine) {
   std::normal_distribution<double> normal(0, 1);
   for (double x = -0.04; x <= 0.04; x += 0.0008) {
     for (double y = -0.04; y <= 0.04; y += 0.0008) {
       PairPoint p;
-      p.point_m = Vector3d(x, y, std::sqrt(0.06 * 0.06 - x * x - y * y) - 0.02 + offset_m + noise_m * normal(engine));
+      p.point_m = Vector3d(
+          x, y,
+          std::sqrt(0.06 * 0.06 - x * x - y * y) - 0.02 + offset_m + noise_m * normal(engine));
       p.to_camera = Vector3d::UnitZ();
       p.ray_sigma_m = sigma_m;
       p.intensity = 50;
@@ -43,7 +46,7 @@ PairPoint PointAt(const Vector3d& at) {
 TEST(Fuse, AveragesByVarianceAndKeepsTheSurface) {
   std::mt19937_64 engine(1);
   std::vector<PairPoint> points;
-  AddDome(points, 0, 0.0001, 1e-5, 0, engine);   // 0.1 mm high, but nine times the weight
+  AddDome(points, 0, 0.0001, 1e-5, 0, engine);  // 0.1 mm high, but nine times the weight
   AddDome(points, 1, -0.0001, 3e-5, 0, engine);
   const FusedClouds fused = Fuse(points, 2);
   ASSERT_GT(fused.cloud.Size(), 4000U);
@@ -57,7 +60,8 @@ TEST(Fuse, AveragesByVarianceAndKeepsTheSurface) {
   EXPECT_GT(sum, 0);
   EXPECT_LE(sigma, 3.1e-5);
   double error = 0;
-  for (const Eigen::Vector3f& p : fused.cloud.points_m) error = std::max(error, std::abs(DomeError(p)));
+  for (const Eigen::Vector3f& p : fused.cloud.points_m)
+    error = std::max(error, std::abs(DomeError(p)));
   EXPECT_LT(error, 0.00011);
 }
 
@@ -86,13 +90,15 @@ TEST(Fuse, RemovesOutliersNotTheSurface) {
   AddDome(points, 0, 0, 3e-5, 3e-5, engine);
   const std::size_t good = Fuse(points, 1).cloud.Size();
   std::uniform_real_distribution<double> u(-0.04, 0.04);
-  for (int i = 0; i < 300; ++i) points.push_back(PointAt({u(engine), u(engine), 0.09 + 0.5 * u(engine)}));
+  for (int i = 0; i < 300; ++i)
+    points.push_back(PointAt({u(engine), u(engine), 0.09 + 0.5 * u(engine)}));
   for (int i = 0; i < 150; ++i) {  // a clump in the air
     points.push_back(PointAt({0.07 + 0.03 * u(engine), 0.03 * u(engine), 0.06}));
   }
   const FusedClouds fused = Fuse(points, 1);
   int bad = 0;
-  for (const Eigen::Vector3f& p : fused.cloud.points_m) bad += std::abs(DomeError(p)) > 0.001 ? 1 : 0;
+  for (const Eigen::Vector3f& p : fused.cloud.points_m)
+    bad += std::abs(DomeError(p)) > 0.001 ? 1 : 0;
   EXPECT_LE(bad, 2);
   EXPECT_GT(static_cast<double>(fused.cloud.Size()), 0.99 * static_cast<double>(good));
   EXPECT_GT(fused.outliers, 280);
@@ -121,12 +127,13 @@ TEST(Fuse, FlatPiecesOnTheGlassArePlatform) {
   std::normal_distribution<double> normal(0, 5e-5);
   for (double x = 0; x < 0.012; x += 0.0008) {
     for (double y = 0; y < 0.012; y += 0.0008) {
-      points.push_back(PointAt({0.09 + x, y, normal(engine)}));        // a mark on the glass
-      points.push_back(PointAt({-0.105 + x, y, -0.0015}));             // below it: nothing real
+      points.push_back(PointAt({0.09 + x, y, normal(engine)}));  // a mark on the glass
+      points.push_back(PointAt({-0.105 + x, y, -0.0015}));       // below it: nothing real
     }
   }
   const FusedClouds fused = Fuse(points, 1);
-  EXPECT_NEAR(static_cast<double>(fused.cloud.Size()), static_cast<double>(dome), 0.01 * static_cast<double>(dome));
+  EXPECT_NEAR(static_cast<double>(fused.cloud.Size()), static_cast<double>(dome),
+              0.01 * static_cast<double>(dome));
   EXPECT_GT(fused.platform.Size(), 120U);
   for (const Eigen::Vector3f& p : fused.platform.points_m) {
     EXPECT_GT(p.x(), 0.08F);

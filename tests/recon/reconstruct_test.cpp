@@ -1,10 +1,10 @@
 #include "recon/reconstruct.h"
 
-#include <cmath>
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
+
+#include <cmath>
 
 #include "core/error.h"
 #include "tests/recon/speckle_scene.h"
@@ -18,7 +18,8 @@ using testing_support::SlantedPlane;
 using testing_support::Surface;
 using testing_support::Union;
 
-/// A foot-sized ellipsoid that rests on the glass, and a mark on the glass beside it, at half resolution.
+/// A foot-sized ellipsoid that rests on the glass, and a mark on the glass beside it, at half
+/// resolution.
 struct Scene {
   Rig rig = NominalRig(MakeDefaultRig(4, 812, 618));
   Surface foot = Ellipsoid({0, 0, 0.0381}, {0.042, 0.11, 0.038});
@@ -27,14 +28,16 @@ struct Scene {
   Scene() {
     Surface mark = SlantedPlane(0, 0, 0, 0.115, 0.006);
     const auto whole = mark.hit;
-    mark.hit = [whole](const Eigen::Vector3d& o, const Eigen::Vector3d& d) -> std::optional<double> {
+    mark.hit = [whole](const Eigen::Vector3d& o,
+                       const Eigen::Vector3d& d) -> std::optional<double> {
       const auto t = whole(o, d);
       return t && (o + *t * d).x() > 0.085 ? t : std::nullopt;
     };
     frame.trigger = 7;
     for (const Camera& camera : rig.cameras) {
-      frame.images.emplace_back(testing_support::RenderSpeckle(
-          camera, rig.plate, Union(foot, mark), {.cell_m = 0.0014, .seed = frame.images.size() + 1}));
+      frame.images.emplace_back(
+          testing_support::RenderSpeckle(camera, rig.plate, Union(foot, mark),
+                                         {.cell_m = 0.0014, .seed = frame.images.size() + 1}));
     }
   }
 };
@@ -132,12 +135,14 @@ TEST(Reconstruct, FrameWithoutFootIsEmptyWithReasons) {
   const Rig& rig = SharedScene().rig;
   const Surface mark = SlantedPlane(0, 0, 0, 0.115, 0.006);
   for (const Camera& camera : rig.cameras) {
-    frame.images.emplace_back(testing_support::RenderSpeckle(camera, rig.plate, mark, {.cell_m = 0.0014}));
+    frame.images.emplace_back(
+        testing_support::RenderSpeckle(camera, rig.plate, mark, {.cell_m = 0.0014}));
   }
   const FrameReconstruction result = SharedReconstructor().Reconstruct(frame);
   EXPECT_EQ(result.cloud.Size(), 0U);
   EXPECT_GT(result.platform.Size(), 100U);
-  for (const PairStats& stats : result.pairs) EXPECT_THAT(stats.skipped, testing::HasSubstr("no foot"));
+  for (const PairStats& stats : result.pairs)
+    EXPECT_THAT(stats.skipped, testing::HasSubstr("no foot"));
 }
 
 TEST(Reconstruct, TextureExposureIsNotMatched) {

@@ -1,8 +1,8 @@
 #include "recon/rectify.h"
 
-#include <cmath>
-
 #include <gtest/gtest.h>
+
+#include <cmath>
 
 #include "core/error.h"
 #include "tests/recon/speckle_scene.h"
@@ -16,7 +16,8 @@ bool Inside(const Camera& camera, const Eigen::Vector2d& px) {
   return px.x() >= 0 && px.y() >= 0 && px.x() <= camera.width - 1 && px.y() <= camera.height - 1;
 }
 
-/// Largest row difference, in raw pixels, and whether disparities stay in range, over points both see.
+/// Largest row difference, in raw pixels, and whether disparities stay in range, over points both
+/// see.
 void CheckPair(const Rig& rig, const StereoPair& pair) {
   const Rectification r = Rectify(rig, pair);
   const double scale = r.focal_px / rig.cameras[0].intrinsics[0];

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <tbb/parallel_for.h>
+
+#include <Eigen/Core>
 #include <cmath>
 #include <cstdint>
 #include <functional>
@@ -7,15 +10,12 @@
 #include <optional>
 #include <random>
 
-#include <Eigen/Core>
-#include <tbb/parallel_for.h>
-
 #include "core/image.h"
 #include "core/rig.h"
 #include "core/rig_config.h"
 
-/// Speckled analytic surfaces, ray traced through the glass with the vector form of Snell's law at each face:
-/// exact truth that shares no refraction code with what it checks.
+/// Speckled analytic surfaces, ray traced through the glass with the vector form of Snell's law at
+/// each face: exact truth that shares no refraction code with what it checks.
 namespace sole::testing_support {
 
 /// Grey value 0..1 of a solid speckle pattern: smooth noise on a lattice of `cell_m`.
@@ -43,15 +43,16 @@ inline double SolidSpeckle(const Eigen::Vector3d& p, double cell_m) {
   return x * x * (3 - 2 * x);
 }
 
-/// A surface: distance along a ray (world frame, above the glass) to the first hit, and the signed distance
-/// of a point from it.
+/// A surface: distance along a ray (world frame, above the glass) to the first hit, and the signed
+/// distance of a point from it.
 struct Surface {
   std::function<std::optional<double>(const Eigen::Vector3d&, const Eigen::Vector3d&)> hit;
   std::function<double(const Eigen::Vector3d&)> distance;
 };
 
 /// Plane z = offset + slope_x x + slope_y y over |x| < half_x, |y| < half_y.
-inline Surface SlantedPlane(double offset_m, double slope_x, double slope_y, double half_x, double half_y) {
+inline Surface SlantedPlane(double offset_m, double slope_x, double slope_y, double half_x,
+                            double half_y) {
   const Eigen::Vector3d normal = Eigen::Vector3d(-slope_x, -slope_y, 1);
   return {[=](const Eigen::Vector3d& o, const Eigen::Vector3d& d) -> std::optional<double> {
             const double t = (offset_m - normal.dot(o)) / normal.dot(d);
@@ -119,10 +120,10 @@ inline void TracePixel(const Camera& camera, const Plate& plate, double x, doubl
 
 struct SceneOptions {
   double cell_m = 0.0007;
-  double noise = 2;        ///< grey levels, standard deviation
-  double background = 3;   ///< grey level where nothing is hit
+  double noise = 2;             ///< grey levels, standard deviation
+  double background = 3;        ///< grey level where nothing is hit
   double low = 25, high = 200;  ///< grey levels of the speckle
-  int samples = 2;         ///< per pixel and axis
+  int samples = 2;              ///< per pixel and axis
   std::uint64_t seed = 1;
 };
 
@@ -140,7 +141,8 @@ inline ImageU8 RenderSpeckle(const Camera& camera, const Plate& plate, const Sur
         Eigen::Vector3d origin, direction;
         TracePixel(camera, plate, x + dx, y + dy, origin, direction);
         const auto t = surface.hit(origin, direction);
-        sum += t ? options.low + (options.high - options.low) * SolidSpeckle(origin + *t * direction, options.cell_m)
+        sum += t ? options.low + (options.high - options.low) *
+                                     SolidSpeckle(origin + *t * direction, options.cell_m)
                  : options.background;
       }
       const double grey = sum / (options.samples * options.samples) + options.noise * noise(engine);
@@ -158,8 +160,8 @@ inline Rig NominalRig(const RigConfig& config) {
     camera.serial = c.serial;
     camera.width = c.width;
     camera.height = c.height;
-    camera.intrinsics << c.focal_px, c.focal_px * 1.001, 0.5 * c.width + 3, 0.5 * c.height - 4, -0.08, 0.1,
-        2e-4, -3e-4, 0;
+    camera.intrinsics << c.focal_px, c.focal_px * 1.001, 0.5 * c.width + 3, 0.5 * c.height - 4,
+        -0.08, 0.1, 2e-4, -3e-4, 0;
     camera.cam_from_world = NominalCamFromWorld(c);
     rig.cameras.push_back(camera);
   }

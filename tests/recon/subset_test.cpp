@@ -1,11 +1,11 @@
 #include "recon/subset.h"
 
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
 #include <cmath>
 #include <numbers>
 #include <random>
-
-#include <Eigen/Dense>
-#include <gtest/gtest.h>
 
 #include "core/error.h"
 #include "recon/subset_kernel_internal.h"
@@ -28,7 +28,8 @@ ImageU8 PaintSpeckle(int size, double noise, unsigned seed,
     for (int x = 0; x < size; ++x) {
       double sum = 0;
       for (int s = 0; s < 9; ++s) {
-        const Vector2d q = texture_from_pixel(Vector2d(x + (s % 3 - 1) / 3.0, y + (s / 3 - 1) / 3.0));
+        const Vector2d q =
+            texture_from_pixel(Vector2d(x + (s % 3 - 1) / 3.0, y + (s / 3 - 1) / 3.0));
         sum += testing_support::SolidSpeckle({q.x(), q.y(), 0.3}, 3.5);
       }
       const double grey = 30 + 170 * sum / 9 + noise * normal(engine);
@@ -40,8 +41,8 @@ ImageU8 PaintSpeckle(int size, double noise, unsigned seed,
 
 struct Accuracy {
   int matched = 0;
-  double rms_px = 0;         ///< per axis
-  double normalized_rms = 0; ///< error over predicted standard deviation
+  double rms_px = 0;          ///< per axis
+  double normalized_rms = 0;  ///< error over predicted standard deviation
 };
 
 /// Matches a grid of points of a pair related by right = shift + gradient * left.
@@ -50,15 +51,18 @@ Accuracy MatchKnownWarp(const Vector2d& shift, const Matrix2d& gradient, double 
   const Matrix2d inverse = gradient.inverse();
   const auto same = [](const Vector2d& p) { return p; };
   const auto left = Prepare(PaintSpeckle(kSize, noise, 1, same), true);
-  const auto right = Prepare(
-      PaintSpeckle(kSize, noise, 2, [&](const Vector2d& p) { return Vector2d(inverse * (p - shift)); }), false);
+  const auto right =
+      Prepare(PaintSpeckle(kSize, noise, 2,
+                           [&](const Vector2d& p) { return Vector2d(inverse * (p - shift)); }),
+              false);
   Accuracy result;
   double squares = 0, normalized = 0;
   for (int y = 40; y <= 160; y += 10) {
     for (int x = 40; x <= 160; x += 10) {
       const Vector2d truth = shift + gradient * Vector2d(x, y);
       SubsetWarp start{truth + Vector2d(0.8, -0.6), Matrix2d::Identity()};
-      const SubsetMatch match = MatchSubset(left, right, nullptr, {x, y}, start, {.radius_px = radius});
+      const SubsetMatch match =
+          MatchSubset(left, right, nullptr, {x, y}, start, {.radius_px = radius});
       if (match.status != SubsetStatus::kMatched) continue;
       ++result.matched;
       const Vector2d error = match.warp.position_px - truth;
@@ -96,7 +100,8 @@ TEST(MatchSubset, CovarianceTellsTheError) {
 
 TEST(MatchSubset, FlatWindowIsRefused) {
   const auto flat = Prepare(ImageU8(80, 80, 100), true);
-  const SubsetMatch match = MatchSubset(flat, flat, nullptr, {40, 40}, {{40, 40}, Matrix2d::Identity()});
+  const SubsetMatch match =
+      MatchSubset(flat, flat, nullptr, {40, 40}, {{40, 40}, Matrix2d::Identity()});
   EXPECT_EQ(match.status, SubsetStatus::kFlat);
 }
 
@@ -106,15 +111,16 @@ TEST(MatchSubset, EdgeWithoutSecondDirectionIsRefused) {
     for (int x = 40; x < 80; ++x) edge.At(x, y) = 200;
   }
   const auto prepared = Prepare(edge, true);
-  const SubsetMatch match = MatchSubset(prepared, prepared, nullptr, {40, 40}, {{40, 40}, Matrix2d::Identity()});
+  const SubsetMatch match =
+      MatchSubset(prepared, prepared, nullptr, {40, 40}, {{40, 40}, Matrix2d::Identity()});
   EXPECT_NE(match.status, SubsetStatus::kMatched);
 }
 
 TEST(MatchSubset, WindowOutsideTheImageIsRefused) {
-  const auto image =
-      Prepare(PaintSpeckle(80, 0, 1, [](const Vector2d& p) { return p; }), true);
+  const auto image = Prepare(PaintSpeckle(80, 0, 1, [](const Vector2d& p) { return p; }), true);
   const auto at = [&](int x, int y, double right_x, double right_y) {
-    return MatchSubset(image, image, nullptr, {x, y}, {{right_x, right_y}, Matrix2d::Identity()}).status;
+    return MatchSubset(image, image, nullptr, {x, y}, {{right_x, right_y}, Matrix2d::Identity()})
+        .status;
   };
   EXPECT_EQ(at(5, 40, 5, 40), SubsetStatus::kOutside);
   EXPECT_EQ(at(40, 75, 40, 75), SubsetStatus::kOutside);
@@ -126,23 +132,28 @@ TEST(MatchSubset, WindowOutsideTheImageIsRefused) {
 TEST(MatchSubset, UnrelatedTextureIsRefused) {
   const auto left = Prepare(PaintSpeckle(120, 1, 1, [](const Vector2d& p) { return p; }), true);
   const auto right = Prepare(
-      PaintSpeckle(120, 1, 2, [](const Vector2d& p) { return Vector2d(p.x() + 5000, p.y()); }), false);
+      PaintSpeckle(120, 1, 2, [](const Vector2d& p) { return Vector2d(p.x() + 5000, p.y()); }),
+      false);
   int matched = 0;
   for (int y = 30; y < 90; y += 6) {
     for (int x = 30; x < 90; x += 6) {
       const SubsetWarp start{Vector2d(x, y), Matrix2d::Identity()};
-      matched += MatchSubset(left, right, nullptr, {x, y}, start).status == SubsetStatus::kMatched ? 1 : 0;
+      matched +=
+          MatchSubset(left, right, nullptr, {x, y}, start).status == SubsetStatus::kMatched ? 1 : 0;
     }
   }
   EXPECT_EQ(matched, 0);
 }
 
-/// A foreground in front of another background: with the mask the background does not pull the match.
+/// A foreground in front of another background: with the mask the background does not pull the
+/// match.
 TEST(MatchSubset, MaskKeepsTheBackgroundOut) {
   const int size = 160, edge = 80;
   const auto foreground = [&](double shift) {
-    ImageU8 image = PaintSpeckle(size, 1, 3, [&](const Vector2d& p) { return Vector2d(p.x() - shift, p.y()); });
-    const ImageU8 behind = PaintSpeckle(size, 1, 4, [](const Vector2d& p) { return Vector2d(p.x() + 900, p.y()); });
+    ImageU8 image =
+        PaintSpeckle(size, 1, 3, [&](const Vector2d& p) { return Vector2d(p.x() - shift, p.y()); });
+    const ImageU8 behind =
+        PaintSpeckle(size, 1, 4, [](const Vector2d& p) { return Vector2d(p.x() + 900, p.y()); });
     for (int y = 0; y < size; ++y) {
       for (int x = edge + static_cast<int>(shift); x < size; ++x) image.At(x, y) = behind.At(x, y);
     }
@@ -173,9 +184,12 @@ TEST(Prepare, SplineInterpolatesAndGradientsAreItsDerivatives) {
     for (int x = 3; x < 60; x += 3) {
       EXPECT_NEAR(GreyAt(prepared, Vector2d(x, y)), image.At(x, y), 1e-3);
       Eigen::MatrixXd jacobian(1, 2);
-      jacobian << static_cast<double>(prepared.gradient_x.At(x, y)), static_cast<double>(prepared.gradient_y.At(x, y));
+      jacobian << static_cast<double>(prepared.gradient_x.At(x, y)),
+          static_cast<double>(prepared.gradient_y.At(x, y));
       testing_support::ExpectJacobianNear(
-          [&](const Eigen::VectorXd& p) { return Eigen::VectorXd::Constant(1, GreyAt(prepared, p.head<2>())); },
+          [&](const Eigen::VectorXd& p) {
+            return Eigen::VectorXd::Constant(1, GreyAt(prepared, p.head<2>()));
+          },
           Vector2d(x, y), jacobian, 2e-3, 1.0 / 64);
     }
   }
@@ -196,7 +210,8 @@ TEST(NormalMatrix, EqualsBruteForce) {
   Eigen::Matrix<double, 6, 6> expected = Eigen::Matrix<double, 6, 6>::Zero();
   for (int dy = -7; dy <= 7; ++dy) {
     for (int dx = -7; dx <= 7; ++dx) {
-      const auto u = static_cast<double>(gx.At(20 + dx, 19 + dy)), v = static_cast<double>(gy.At(20 + dx, 19 + dy));
+      const auto u = static_cast<double>(gx.At(20 + dx, 19 + dy)),
+                 v = static_cast<double>(gy.At(20 + dx, 19 + dy));
       Eigen::Matrix<double, 6, 1> j;
       j << u, u * dx, u * dy, v, v * dx, v * dy;
       expected += j * j.transpose();

@@ -1,9 +1,9 @@
 #include "recon/triangulate.h"
 
+#include <gtest/gtest.h>
+
 #include <cmath>
 #include <random>
-
-#include <gtest/gtest.h>
 
 #include "tests/recon/speckle_scene.h"
 
@@ -19,7 +19,8 @@ struct Scene {
 };
 
 /// Exact matches of a surface seen by a pair, with truth from Snell's law at each face.
-std::vector<PixelMatch> ExactMatches(const Rig& rig, int pair, const testing_support::Surface& surface,
+std::vector<PixelMatch> ExactMatches(const Rig& rig, int pair,
+                                     const testing_support::Surface& surface,
                                      std::vector<Eigen::Vector3d>* truth) {
   const StereoPair& names = rig.pairs[static_cast<std::size_t>(pair)];
   const Camera& left = rig.cameras[static_cast<std::size_t>(names.left)];
@@ -46,7 +47,8 @@ TEST(Triangulate, ExactThroughTheGlassAndInAir) {
   const Scene scene;
   for (const int pair : {0, 1}) {
     std::vector<Eigen::Vector3d> truth;
-    const auto matches = ExactMatches(scene.rig, pair, SlantedPlane(0.03, 0.1, -0.05, 0.08, 0.15), &truth);
+    const auto matches =
+        ExactMatches(scene.rig, pair, SlantedPlane(0.03, 0.1, -0.05, 0.08, 0.15), &truth);
     const Triangulation result = Triangulate(scene.rig, pair, matches, scene.image);
     ASSERT_GT(matches.size(), 60U);
     ASSERT_EQ(result.points.size(), matches.size());
@@ -64,14 +66,17 @@ TEST(Triangulate, SigmaEqualsMonteCarlo) {
   std::normal_distribution<double> normal(0, 1);
   for (const int pair : {0, 1}) {
     std::vector<Eigen::Vector3d> truth;
-    auto matches = ExactMatches(scene.rig, pair, SlantedPlane(0.03, 0.1, -0.05, 0.08, 0.15), &truth);
+    auto matches =
+        ExactMatches(scene.rig, pair, SlantedPlane(0.03, 0.1, -0.05, 0.08, 0.15), &truth);
     double squares = 0, variance = 0;
     int count = 0;
     for (int round = 0; round < 20; ++round) {
       auto noisy = matches;
-      for (PixelMatch& m : noisy) m.match.warp.position_px += 0.02 * Eigen::Vector2d(normal(engine), normal(engine));
+      for (PixelMatch& m : noisy)
+        m.match.warp.position_px += 0.02 * Eigen::Vector2d(normal(engine), normal(engine));
       for (PixelMatch& m : noisy) m.match.covariance_px2 = 4e-4 * Eigen::Matrix2d::Identity();
-      const Triangulation result = Triangulate(scene.rig, pair, noisy, scene.image, {.floor_px = 0});
+      const Triangulation result =
+          Triangulate(scene.rig, pair, noisy, scene.image, {.floor_px = 0});
       ASSERT_EQ(result.points.size(), truth.size());
       for (std::size_t i = 0; i < truth.size(); ++i) {
         const PairPoint& p = result.points[i];
@@ -117,8 +122,10 @@ TEST(Triangulate, MirrorImagesAndFarPointsAreOutside) {
     const Camera& left = scene.rig.cameras[2];
     const Ray ray = RayFromPixel(left, scene.rig.plate, matches[i].left_px.cast<double>());
     const double depth = i % 2 == 0 ? (-0.004 - ray.origin.z()) / ray.direction.z() : 0.2;
-    const Eigen::Vector3d in_cam = right.cam_from_world * Eigen::Vector3d(ray.origin + depth * ray.direction);
-    matches[i].match.warp.position_px = PixelFromPointInCam<double>(right.intrinsics.data(), in_cam);
+    const Eigen::Vector3d in_cam =
+        right.cam_from_world * Eigen::Vector3d(ray.origin + depth * ray.direction);
+    matches[i].match.warp.position_px =
+        PixelFromPointInCam<double>(right.intrinsics.data(), in_cam);
   }
   const Triangulation result = Triangulate(scene.rig, 1, matches, scene.image);
   EXPECT_EQ(result.points.size(), 0U);
