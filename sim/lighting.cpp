@@ -13,7 +13,7 @@ using Eigen::Vector3d;
 
 constexpr double kDotPixels = 4;            // mean dot diameter in the images, about
 constexpr double kPowerAbove = 0.34;        // of a projector, at 1 m
-constexpr double kPowerBelow = 0.56;        // fewer of them overlap, and the glass takes its share
+constexpr double kPowerBelow = 0.52;        // fewer of them overlap, and the glass takes its share
 constexpr double kPanelPower = 0.095;       // of a panel's half, at 1 m
 constexpr double kAmbient = 0.02;           // room light
 
