@@ -85,7 +85,7 @@ void WriteTruth(const io::TakePaths& take, const TakeTruth& truth) {
   io::Npz npz;
   npz["format_version"] = io::Reshaped(io::NpyFrom(std::vector<int>{1}), {});
   npz["side"] = io::NpyFrom(std::string(truth.side == Side::kLeft ? "left" : "right"));
-  npz["trigger"] = io::NpyFrom(triggers);
+  npz["frames"] = io::NpyFrom(triggers);
   npz["contact"] = Bytes(truth, &TruthFrame::contact);
   npz["pressure_pa"] = Floats(truth, &TruthFrame::pressure_pa);
   npz["penetration_m"] = Floats(truth, &TruthFrame::penetration_m);

@@ -59,7 +59,7 @@ TEST_F(WriteTruthTest, ReadsBackInTheDocumentedShapes) {
   EXPECT_EQ(io::MatrixFrom(npz, "world_from_bone")(2, 6), 2);
   EXPECT_EQ(io::StringFrom(npz, "side"), "left");
   EXPECT_EQ(io::StringsFrom(npz, "pair")[1], "dorsum");
-  EXPECT_EQ(io::IntsFrom(npz, "trigger"), (std::vector<int>{4, 5, 6}));
+  EXPECT_EQ(io::IntsFrom(npz, "frames"), (std::vector<int>{4, 5, 6}));
   const TriangleMesh mesh = io::ReadPlyMesh(take_.TruthMesh(6));
   ASSERT_EQ(mesh.vertices.size(), 4U);
   EXPECT_NEAR(mesh.vertices[3].z(), 2.1, 1e-6);
