@@ -4,6 +4,7 @@
 
 #include "io/atomic_file.h"
 #include "io/json_internal.h"
+#include "io/shown_internal.h"
 
 namespace sole::io {
 namespace {
@@ -152,7 +153,7 @@ void WriteCalibration(const std::filesystem::path& path, const Calibration& cali
   for (const Camera& camera : rig.cameras) {
     Require(camera.intrinsics.allFinite() && camera.cam_from_world.rotation.coeffs().allFinite() &&
                 camera.cam_from_world.translation.allFinite(),
-            path.string() + ": camera '" + camera.serial +
+            path.string() + ": camera '" + Shown(camera.serial) +
                 "' has a value that is not finite: calibrate again");
     cameras.push_back(CameraToJson(camera));
   }
@@ -186,7 +187,7 @@ Calibration ReadCalibration(const std::filesystem::path& path) {
   const Json json = ParseJson(ReadFile(path), where);
   const std::string format = Get<std::string>(json, "format", where);
   Require(format == "sole-calibration",
-          where + ": is a '" + format + "' file, expected a calibration");
+          where + ": is a '" + Shown(format) + "' file, expected a calibration");
   const int version = Get<int>(json, "version", where);
   Require(version == kVersion,
           where + ": format version " + std::to_string(version) +

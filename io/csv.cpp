@@ -3,6 +3,7 @@
 
 #include "core/error.h"
 #include "io/csv_internal.h"
+#include "io/shown_internal.h"
 
 namespace sole::io {
 namespace {
@@ -58,7 +59,7 @@ double CsvTable::Number(const Row& row, std::size_t column) const {
   double value = std::numeric_limits<double>::quiet_NaN();
   const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (code != std::errc() || end != text.data() + text.size()) {
-    throw Error(Place(row, column) + ": '" + text + "' is not a number");
+    throw Error(Place(row, column) + ": '" + Shown(text) + "' is not a number");
   }
   return value;
 }
@@ -68,7 +69,7 @@ std::int64_t CsvTable::Integer(const Row& row, std::size_t column) const {
   std::int64_t value = 0;
   const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (code != std::errc() || end != text.data() + text.size()) {
-    throw Error(Place(row, column) + ": '" + text + "' is not an integer");
+    throw Error(Place(row, column) + ": '" + Shown(text) + "' is not an integer");
   }
   return value;
 }

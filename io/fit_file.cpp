@@ -4,6 +4,7 @@
 
 #include "core/error.h"
 #include "io/npz.h"
+#include "io/shown_internal.h"
 #include "io/take.h"
 
 namespace sole::io {
@@ -34,7 +35,7 @@ auto Within(const fs::path& path, const Body& body) {
 
 void CheckFormat(const Npz& npz, const std::string& format) {
   const std::string found = StringFrom(npz, "format");
-  Require(found == format, "is a '" + found + "' file, expected '" + format + "'");
+  Require(found == format, "is a '" + Shown(found) + "' file, expected '" + format + "'");
   const std::vector<int> version = IntsFrom(npz, "version");
   Require(version == std::vector<int>{kVersion},
           "its format version is unknown: use the version of Sole that wrote it");
@@ -113,7 +114,7 @@ void AddContact(Npz& npz, const ContactFile& file) {
 
 Side SideFrom(const std::string& text) {
   Require(text == "right" || text == "left",
-          "array 'side' holds '" + text + "', expected right or left");
+          "array 'side' holds '" + Shown(text) + "', expected right or left");
   return text == "left" ? Side::kLeft : Side::kRight;
 }
 

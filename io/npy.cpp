@@ -7,6 +7,7 @@
 #include "core/error.h"
 #include "io/bytes_internal.h"
 #include "io/npy_internal.h"
+#include "io/shown_internal.h"
 
 namespace sole::io {
 namespace {
@@ -192,7 +193,7 @@ NpyArray ParseNpy(std::span<const std::uint8_t> file, const std::string& where) 
   std::string dtype = header.descr;
   if (dtype[0] == '>' || dtype[0] == '=') dtype[0] = '<';
   const std::size_t item = ItemSize(dtype);
-  Require(item > 0, where + ": dtype '" + header.descr +
+  Require(item > 0, where + ": dtype '" + Shown(header.descr) +
                         "' is not read: save it as float, integer, bool or text (U)");
 
   const std::size_t available = text.size() - start - header_size;

@@ -3,6 +3,7 @@
 #include "core/error.h"
 #include "io/atomic_file.h"
 #include "io/npy_internal.h"
+#include "io/shown_internal.h"
 #include "io/zip_internal.h"
 
 namespace sole::io {
@@ -25,10 +26,10 @@ Npz ReadNpz(const fs::path& path) {
   Npz arrays;
   for (const auto& [name, bytes] : ReadZip(ReadFile(path), path.string())) {
     const bool has_suffix = name.ends_with(".npy");
-    Require(has_suffix,
-            path.string() + ": entry '" + name + "' is not an array: save it with numpy.savez");
+    Require(has_suffix, path.string() + ": entry '" + Shown(name) +
+                            "' is not an array: save it with numpy.savez");
     const std::string key = name.substr(0, name.size() - 4);
-    arrays[key] = ParseNpy(bytes, path.string() + ": array '" + key + "'");
+    arrays[key] = ParseNpy(bytes, path.string() + ": array '" + Shown(key) + "'");
   }
   return arrays;
 }
@@ -41,7 +42,7 @@ void WriteNpy(const fs::path& path, const NpyArray& array) {
 void WriteNpz(const fs::path& path, const Npz& arrays) {
   std::map<std::string, Bytes> entries;
   for (const auto& [name, array] : arrays) {
-    entries[name + ".npy"] = FormatNpy(array, path.string() + ": array '" + name + "'");
+    entries[name + ".npy"] = FormatNpy(array, path.string() + ": array '" + Shown(name) + "'");
   }
   WriteStringAtomically(path, FormatZip(entries, path.string()));
 }

@@ -10,6 +10,7 @@
 #include "core/error.h"
 #include "io/bytes_internal.h"
 #include "io/ply_internal.h"
+#include "io/shown_internal.h"
 
 namespace sole::io {
 namespace {
@@ -53,7 +54,7 @@ Type TypeFrom(const std::string& name, const std::string& where) {
   for (std::size_t i = 0; i < names.size(); ++i) {
     if (name == names[i][0] || name == names[i][1]) return static_cast<Type>(i);
   }
-  throw Error(where + ": unknown PLY type '" + name + "'");
+  throw Error(where + ": unknown PLY type '" + Shown(name) + "'");
 }
 
 void AddProperty(std::istringstream& words, Header& header, const std::string& where) {
@@ -93,7 +94,7 @@ Header ParseHeader(const std::string& file, const std::string& path) {
                         : word == "binary_big_endian" ? Encoding::kBig
                                                       : Encoding::kLittle;
       Require(header.encoding != Encoding::kLittle || word == "binary_little_endian",
-              where + ": unknown PLY format '" + word + "'");
+              where + ": unknown PLY format '" + Shown(word) + "'");
       has_format = true;
     } else if (word == "element") {
       Element element;
@@ -104,7 +105,7 @@ Header ParseHeader(const std::string& file, const std::string& path) {
       AddProperty(words, header, where);
     } else {
       Require(word == "comment" || word == "obj_info" || word == "ply" || word.empty(),
-              where + ": unknown PLY header line '" + word + "'");
+              where + ": unknown PLY header line '" + Shown(word) + "'");
     }
   }
   Require(has_format, path + ": the PLY header names no format");
@@ -202,7 +203,7 @@ void ReadElement(Body& body, const Element& element, const Sinks& sinks, const s
       Require(count >= 0 && count == std::floor(count) &&
                   count * static_cast<double>(body.SmallestSize(property.type)) <=
                       static_cast<double>(body.Left()),
-              where + ": a list of element '" + element.name + "' is longer than the file");
+              where + ": a list of element '" + Shown(element.name) + "' is longer than the file");
       const bool keep = sinks.faces && p == sinks.face_property;
       if (keep) sinks.faces->emplace_back();
       for (double k = 0; k < count; ++k) {
@@ -239,8 +240,8 @@ PlyContent ParsePly(const std::string& file, const std::vector<std::string>& wan
     const std::size_t smallest = SmallestEntry(element, body);
     Require(smallest == 0 ? element.count == 0 || element.name != "vertex"
                           : element.count <= body.Left() / smallest,
-            where + ": claims " + std::to_string(element.count) + " entries of '" + element.name +
-                "', more than the file can hold: it is damaged or cut short");
+            where + ": claims " + std::to_string(element.count) + " entries of '" +
+                Shown(element.name) + "', more than the file can hold: it is damaged or cut short");
     if (smallest == 0) continue;
     Sinks sinks{std::vector<std::vector<double>*>(element.properties.size(), nullptr)};
     const bool is_vertex = element.name == "vertex", is_face = element.name == "face";

@@ -8,6 +8,7 @@
 
 #include "core/error.h"
 #include "io/atomic_file.h"
+#include "io/shown_internal.h"
 #include "io/toml_table_internal.h"
 
 namespace sole::io {
@@ -35,8 +36,9 @@ CameraConfig ReadCamera(TomlTable table) {
   table.Read("packet_delay_ns", camera.packet_delay_ns, {0, std::numeric_limits<int>::max()});
   table.Finish();
   if (camera.serial.empty()) table.Fail("serial", "is missing: every camera needs one");
-  if (camera.serial.find_first_of("/\\") != std::string::npos || camera.serial[0] == '.' ||
-      camera.serial.size() > 43) {
+  const bool clean = Shown(camera.serial) == camera.serial && camera.serial.size() <= 43 &&
+                     camera.serial.find_first_of("/\\") == std::string::npos;
+  if (!clean || camera.serial[0] == '.') {
     table.Fail("serial", "names files: at most 43 characters, no slash and no leading dot");
   }
   const Eigen::Vector3d view = camera.look_at_m - camera.position_m;
@@ -60,9 +62,9 @@ void ReadCameras(TomlTable& top, RigConfig& config) {
     table.Read("right", pair.right);
     table.Finish();
     if (!serials.contains(pair.left))
-      table.Fail("left", "names no camera: there is no serial '" + pair.left + "'");
+      table.Fail("left", "names no camera: there is no serial '" + Shown(pair.left) + "'");
     if (!serials.contains(pair.right))
-      table.Fail("right", "names no camera: there is no serial '" + pair.right + "'");
+      table.Fail("right", "names no camera: there is no serial '" + Shown(pair.right) + "'");
     if (pair.left == pair.right) table.Fail("right", "names the same camera as left");
     config.pairs.push_back(pair);
   }
@@ -78,7 +80,7 @@ void ReadTrigger(TomlTable& top, TriggerConfig& trigger) {
     table.Read("bus_port", trigger.bus_port, {1, 65535});
     table.Finish();
     if (trigger.source != "simulated" && trigger.source != "gpio" && trigger.source != "software") {
-      table.Fail("source", "is '" + trigger.source + "': use simulated, gpio or software");
+      table.Fail("source", "is '" + Shown(trigger.source) + "': use simulated, gpio or software");
     }
   }
 }

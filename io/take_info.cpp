@@ -7,6 +7,7 @@
 #include "io/atomic_file.h"
 #include "io/csv_internal.h"
 #include "io/json_internal.h"
+#include "io/shown_internal.h"
 #include "io/take.h"
 
 namespace sole::io {
@@ -35,7 +36,7 @@ void RequireOneOf(const std::string& value, const List& list, const char* key,
   for (const char* known : list) {
     if (value == known) return;
   }
-  throw Error(where + ": key '" + key + "' holds the unknown word '" + value + "'");
+  throw Error(where + ": key '" + key + "' holds the unknown word '" + Shown(value) + "'");
 }
 
 }  // namespace
@@ -101,7 +102,7 @@ std::vector<TriggerRecord> ReadTriggers(const TakePaths& take) {
     Require(record.trigger >= 1 && (triggers.empty() || record.trigger > triggers.back().trigger),
             table.Place(row, 0) + ": triggers count upwards from 1");
     try {
-      record.kind = ExposureKindFromString(row.fields[1]);
+      record.kind = ExposureKindFromString(Shown(row.fields[1]));
     } catch (const Error& error) {
       throw Error(table.Place(row, 1) + ": " + error.what());
     }

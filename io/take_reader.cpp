@@ -3,6 +3,7 @@
 #include "core/error.h"
 #include "io/raw_file.h"
 #include "io/rig_file.h"
+#include "io/shown_internal.h"
 #include "io/take.h"
 
 namespace sole::io {
@@ -22,12 +23,13 @@ CameraFile OpenCamera(const TakePaths& take, const CameraConfig& camera) {
   CameraFile file{take.Raw(camera.serial), {}};
   const fs::path partial = file.path.string() + ".partial";
   if (!fs::exists(file.path) && fs::exists(partial)) file.path = partial;
-  Require(fs::exists(file.path), "take " + take.root.string() + ": camera '" + camera.serial +
-                                     "' of its rig file has no recording: " + file.path.string() +
-                                     " is missing");
+  Require(fs::exists(file.path),
+          "take " + take.root.string() + ": camera '" + Shown(camera.serial) +
+              "' of its rig file has no recording: " + file.path.string() + " is missing");
   const RawIndex index = ReadRawIndex(file.path);
-  Require(index.serial == camera.serial, file.path.string() + ": holds camera '" + index.serial +
-                                             "', not '" + camera.serial + "'");
+  Require(index.serial == camera.serial, file.path.string() + ": holds camera '" +
+                                             Shown(index.serial) + "', not '" +
+                                             Shown(camera.serial) + "'");
   for (const RawRecord& record : index.records) {
     const RawRecordHeader& header = record.header;
     Require(header.width == static_cast<std::uint32_t>(camera.width) &&

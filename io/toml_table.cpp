@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "core/error.h"
+#include "io/shown_internal.h"
 #include "io/toml_table_internal.h"
 
 namespace sole::io {
@@ -53,7 +54,7 @@ const toml::node* TomlTable::Find(const char* key) {
 }
 
 std::string TomlTable::Titled(const std::string& key) const {
-  return "key '" + key + "'" + (title_.empty() ? "" : " in " + title_);
+  return "key '" + Shown(key) + "'" + (title_.empty() ? "" : " in " + title_);
 }
 
 std::string TomlTable::At(const char* key) const {

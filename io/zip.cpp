@@ -5,6 +5,7 @@
 
 #include "core/error.h"
 #include "io/bytes_internal.h"
+#include "io/shown_internal.h"
 #include "io/zip_internal.h"
 
 namespace sole::io {
@@ -102,7 +103,7 @@ std::vector<Entry> ReadDirectory(const std::string& archive, const std::string& 
 }
 
 Bytes ReadEntry(const std::string& archive, const Entry& entry, const std::string& where) {
-  const std::string item = where + ": entry '" + entry.name + "' ";
+  const std::string item = where + ": entry '" + Shown(entry.name) + "' ";
   Require(entry.packed_size != 0xffffffff && entry.size != 0xffffffff &&
               entry.local_offset != 0xffffffff,
           item + "is zip64, which Sole does not read: save smaller arrays");
@@ -162,7 +163,7 @@ std::map<std::string, Bytes> ReadZip(const std::string& archive, const std::stri
   std::map<std::string, Bytes> result;
   for (const Entry& entry : ReadDirectory(archive, where)) {
     Require(result.emplace(entry.name, ReadEntry(archive, entry, where)).second,
-            where + ": entry '" + entry.name + "' appears twice: the file is damaged");
+            where + ": entry '" + Shown(entry.name) + "' appears twice: the file is damaged");
   }
   return result;
 }

@@ -156,6 +156,8 @@ TEST(ReadTriggers, RoundTripsExactlyAndNamesTheLineOfAnError) {
               HasSubstr("triggers.csv:2: column 'kind': unknown exposure kind 'dots'"));
   EXPECT_THAT(with(head + "2,speckle,0,0,0,0\n1,speckle,0,0,0,0\n"), HasSubstr("triggers.csv:3"));
   EXPECT_THAT(with(head + "1,speckle,0\n"), HasSubstr("triggers.csv:2: has 3 fields, expected 6"));
+  EXPECT_THAT(with(head + "1,speckle,\"0\n1\",0,0,0\n"),
+              HasSubstr("triggers.csv:2: column 'scheduled_s': '0?1' is not a number"));
   EXPECT_THAT(with("a,b\n"), HasSubstr("the first line must be 'trigger,kind"));
 }
 
