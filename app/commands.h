@@ -1,0 +1,26 @@
+#pragma once
+
+#include <atomic>
+
+namespace CLI {
+class App;
+}
+
+namespace sole::app {
+
+/// What every command understands.
+struct CommonOptions {
+  int threads = 0;
+  bool json = false;
+  const std::atomic<bool>* stop = nullptr;  ///< set by Ctrl-C
+};
+
+/// Registers every command; running one sets `status` (the exit status) or throws Error.
+void AddCommands(CLI::App& app, CommonOptions& common, int& status);
+
+// One function per file commands_*.cpp.
+void AddSimCommands(CLI::App& app, CommonOptions& common, int& status);
+void AddCaptureCommands(CLI::App& app, CommonOptions& common, int& status);
+void AddProcessingCommands(CLI::App& app, CommonOptions& common, int& status);
+
+}  // namespace sole::app

@@ -1,0 +1,136 @@
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <CLI/CLI.hpp>
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "app/commands.h"
+#include "app/console.h"
+#include "app/evaluate.h"
+#include "app/stages.h"
+#include "app/take_list.h"
+#include "calib/calibrate.h"
+#include "io/calibration_file.h"
+#include "model/model_file.h"
+#include "model/model_info.h"
+
+namespace sole::app {
+namespace {
+
+using nlohmann::json;
+
+struct Arguments {
+  std::vector<std::string> takes;
+  std::string take, calibration, out, model, format, file;
+
+  std::filesystem::path ModelPath() const { return model.empty() ? DefaultModelPath() : std::filesystem::path(model); }
+};
+
+json StatsJson(const CalibrationStats& s) {
+  return {{"reprojection_rms_px", s.reprojection_rms_px}, {"heldout_rms_air_mm", s.heldout_rms_air_mm},
+          {"heldout_rms_glass_mm", s.heldout_rms_glass_mm}, {"heldout_max_mm", s.heldout_max_mm},
+          {"ground_rms_mm", s.ground_rms_mm}, {"poses_used", s.poses_used}, {"poses_heldout", s.poses_heldout},
+          {"camera_rms_px", s.camera_rms_px}, {"camera_corners", s.camera_corners}};
+}
+
+void CalibrateCommand(const Arguments& a, const CommonOptions& common) {
+  TakeList takes({a.takes.begin(), a.takes.end()});
+  const Calibration calibration = calib::Calibrate(takes.Config(), takes);
+  io::WriteCalibration(a.out, calibration);
+  const json stats = StatsJson(calibration.stats);
+  if (common.json) {
+    fmt::print("{}\n", stats.dump(2));
+    return;
+  }
+  fmt::print("{}", FormatSummary(json{{"calibration", stats}}));
+}
+
+void EvaluateCommand(const Arguments& a, const CommonOptions& common) {
+  const json summary = EvaluateTake(a.take, LoadModelPair(a.ModelPath()).right);
+  fmt::print("{}", common.json ? summary.dump(2) + "\n" : FormatSummary(summary));
+}
+
+/// A command that runs `body` within the cap on threads.
+CLI::App* AddCommand(CLI::App& app, CommonOptions& common, int& status, const std::string& name,
+                     const std::string& description, const std::string& example, const std::function<void()>& body) {
+  CLI::App* command = app.add_subcommand(name, description);
+  command->footer("Example: " + example);
+  command->callback([body, &common, &status] {
+    const ThreadCap cap(common.threads);
+    body();
+    status = 0;
+  });
+  return command;
+}
+
+}  // namespace
+
+void AddProcessingCommands(CLI::App& app, CommonOptions& common, int& status) {
+  const auto a = std::make_shared<Arguments>();
+  const auto add_take = [a](CLI::App* command) { command->add_option("TAKE", a->take, "Directory of the take")->required(); };
+  const auto add_model = [a](CLI::App* command) { command->add_option("--model", a->model, "Foot model; default: the shipped one"); };
+
+  CLI::App* calibrate = AddCommand(app, common, status, "calibrate", "Cameras and plate from takes of the calibration cube",
+                                   "sole calibrate takes/cube --out rig-calibration.json", [a, &common] { CalibrateCommand(*a, common); });
+  calibrate->add_option("TAKE", a->takes, "Calibration takes")->required();
+  calibrate->add_option("--out", a->out, "Calibration file to write")->required();
+
+  CLI::App* reconstruct = AddCommand(app, common, status, "reconstruct", "One point cloud per trigger",
+                                     "sole reconstruct takes/S017 --calibration rig-calibration.json",
+                                     [a] { RunReconstruct(a->take, a->calibration); });
+  add_take(reconstruct);
+  reconstruct->add_option("--calibration", a->calibration, "Calibration file")->required();
+
+  add_take(AddCommand(app, common, status, "contact", "Ground surface of every frame", "sole contact takes/S017",
+                      [a] { RunContact(a->take); }));
+
+  CLI::App* fit = AddCommand(app, common, status, "fit", "Registration, contact labels and model fit",
+                             "sole fit takes/S017 --model models/sole-foot.npz",
+                             [a] { RunFit(a->take, LoadModelPair(a->ModelPath())); });
+  add_take(fit);
+  add_model(fit);
+
+  CLI::App* process = AddCommand(app, common, status, "process", "reconstruct, contact, fit, measure and export, only what is stale",
+                                 "sole process takes/S017 --calibration rig-calibration.json",
+                                 [a] { RunProcess(a->take, a->calibration, a->ModelPath()); });
+  add_take(process);
+  add_model(process);
+  process->add_option("--calibration", a->calibration, "Calibration file; default: the one the take was reconstructed with");
+
+  CLI::App* measure = AddCommand(app, common, status, "measure", "Length, widths and heights of the fitted foot",
+                                 "sole measure takes/S017", [a] { RunMeasure(a->take, LoadModelPair(a->ModelPath())); });
+  add_take(measure);
+  add_model(measure);
+
+  CLI::App* export_command = AddCommand(app, common, status, "export", "Files for others",
+                                        "sole export takes/S017 --to glb", [a] {
+                                          const auto path = RunExport(a->take, LoadModelPair(a->ModelPath()), a->format);
+                                          fmt::print("{}\n", path.string());
+                                        });
+  add_take(export_command);
+  add_model(export_command);
+  export_command->add_option("--to", a->format, fmt::format("Format: {}", fmt::join(ExportFormats(), ", ")))->required();
+
+  CLI::App* evaluate = AddCommand(app, common, status, "evaluate", "Scores a processed simulated take against its truth",
+                                  "sole evaluate demo-out/take --json", [a, &common] { EvaluateCommand(*a, common); });
+  add_take(evaluate);
+  add_model(evaluate);
+
+  CLI::App* model = app.add_subcommand("model", "Foot models");
+  model->require_subcommand(1);
+  CLI::App* info = AddCommand(*model, common, status, "info", "Prints family, sizes, joints and licence",
+                              "sole model info models/sole-foot.npz",
+                              [a] { fmt::print("{}", model::DescribeModel(model::LoadModel(a->file))); });
+  info->add_option("FILE", a->file, "Model file")->required();
+}
+
+void AddCommands(CLI::App& app, CommonOptions& common, int& status) {
+  AddSimCommands(app, common, status);
+  AddCaptureCommands(app, common, status);
+  AddProcessingCommands(app, common, status);
+}
+
+}  // namespace sole::app

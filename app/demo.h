@@ -1,0 +1,28 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+
+#include <nlohmann/json.hpp>
+
+namespace sole::app {
+
+struct DemoOptions {
+  std::filesystem::path out;
+  std::uint64_t seed = 1;
+  std::string motion = "stand";
+  int frames = 6;
+  int poses = 20;
+  int cameras = 4;
+  std::string size = "1624x1236";
+  double noise = 1;
+  std::filesystem::path model;  ///< empty: the shipped one
+};
+
+/// Simulated cameras on the wire to an exported, measured foot: renders and serves a calibration take and a
+/// foot take, records both, calibrates, reconstructs, labels contact, fits, measures, exports, scores against the truth and writes
+/// OUT/summary.json and OUT/report.html. An earlier demo in OUT is replaced. Returns the summary.
+nlohmann::json RunDemo(const DemoOptions& options);
+
+}  // namespace sole::app

@@ -1,0 +1,56 @@
+#include <unistd.h>
+
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+#include <exception>
+#include <string>
+
+#include <CLI/CLI.hpp>
+#include <fmt/format.h>
+
+#include "app/commands.h"
+#include "app/console.h"
+#include "core/error.h"
+
+namespace {
+
+/// Ctrl-C: the first one asks the running command to end cleanly.
+std::atomic<bool> stop_requested{false};
+void OnInterrupt(int) {
+  if (stop_requested.exchange(true)) _exit(130);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  std::signal(SIGINT, OnInterrupt);
+  std::signal(SIGTERM, OnInterrupt);
+  std::signal(SIGPIPE, SIG_IGN);
+
+  CLI::App app{"Sole: records feet in motion and turns them into fitted, measured, exportable models."};
+  app.name("sole");
+  app.set_version_flag("--version", std::string(sole::app::Version()));
+  app.require_subcommand(1);
+  app.fallthrough();
+  sole::app::CommonOptions common;
+  common.stop = &stop_requested;
+  app.add_option("--threads", common.threads, "Number of threads for every stage; 0 takes all cores")
+      ->check(CLI::Range(0, 1024));
+  app.add_flag("--json", common.json, "Print the result as JSON on stdout; everything else goes to stderr");
+  int status = 0;
+  sole::app::AddCommands(app, common, status);
+  try {
+    app.parse(argc, argv);
+    return status;
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  } catch (const sole::Error& error) {
+    std::fprintf(stderr, "sole: %s\n", error.what());
+  } catch (const std::bad_alloc&) {
+    std::fprintf(stderr, "sole: out of memory: use fewer cameras, frames or threads\n");
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "sole: %s\n", error.what());
+  }
+  return 1;
+}

@@ -1,0 +1,173 @@
+#include "app/report.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "app/evaluate.h"
+#include "app/picture.h"
+#include "app/truth.h"
+#include "core/error.h"
+#include "io/atomic_file.h"
+#include "io/mesh_file.h"
+#include "io/take.h"
+#include "model/surface_query.h"
+
+namespace sole::app {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+std::string Base64(const std::string& bytes) {
+  constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string text;
+  for (std::size_t i = 0; i < bytes.size(); i += 3) {
+    unsigned value = 0;
+    for (std::size_t k = 0; k < 3; ++k) value = value << 8 | (i + k < bytes.size() ? static_cast<unsigned char>(bytes[i + k]) : 0u);
+    for (std::size_t k = 0; k < 4; ++k) text += i + k <= bytes.size() ? kDigits[value >> (18 - 6 * k) & 63] : '=';
+  }
+  return text;
+}
+
+std::string Figure(const std::string& mime, const std::string& bytes, const std::string& caption) {
+  return fmt::format("<figure><img alt=\"{0}\" src=\"data:{1};base64,{2}\"><figcaption>{0}</figcaption></figure>\n",
+                     caption, mime, Base64(bytes));
+}
+
+std::string CameraFigure(const ImageU8& image, const std::string& serial) {
+  const cv::Mat full(image.height, image.width, CV_8UC1, const_cast<std::uint8_t*>(image.pixels.data()));
+  cv::Mat small;
+  cv::resize(full, small, cv::Size(640, 640 * image.height / image.width), 0, 0, cv::INTER_AREA);
+  std::vector<std::uint8_t> bytes;
+  cv::imencode(".jpg", small, bytes, {cv::IMWRITE_JPEG_QUALITY, 85});
+  return Figure("image/jpeg", std::string(bytes.begin(), bytes.end()), "camera " + serial);
+}
+
+/// Views every picture of the foot is drawn from, in the frame of a foot that walks along +y.
+struct NamedView {
+  const char* name;
+  View view;
+};
+const NamedView kViews[] = {{"from above, medial side", {{0.55, 0.25, -0.6}}},
+                            {"lateral side", {{-0.9, -0.15, -0.3}}},
+                            {"sole", {{0, 0, 1}, Eigen::Vector3d::UnitY()}}};
+
+/// Renders through a temporary PNG and returns its bytes.
+std::string PngBytes(const Picture& picture, const fs::path& folder) {
+  const fs::path path = folder / ".picture.png";
+  picture.WritePng(path);
+  const std::string bytes = io::ReadFile(path);
+  fs::remove(path);
+  return bytes;
+}
+
+/// Distance of every point to the true surface, metres; NaN beyond 10 mm or without truth.
+std::vector<double> PointErrors(const PointCloud& cloud, const TriangleMesh& truth) {
+  std::vector<double> errors;
+  const model::SurfaceQuery query(truth);
+  for (const Eigen::Vector3f& p : cloud.points_m) {
+    const auto hit = query.Closest(p.cast<double>(), 0.01);
+    errors.push_back(hit ? hit->distance_m : std::nan(""));
+  }
+  return errors;
+}
+
+std::string ScanFigures(const PointCloud& cloud, const TriangleMesh& truth, const fs::path& folder) {
+  constexpr double kFullScale_m = 0.0003;
+  std::vector<Colour> colours;
+  for (const double error : PointErrors(cloud, truth)) colours.push_back(HeatColour(error / kFullScale_m));
+  std::string html;
+  for (const NamedView& view : kViews) {
+    Picture picture(480, 480, view.view, {-0.08, -0.15, 0}, {0.08, 0.15, 0.15});
+    picture.DrawPoints(cloud.points_m, colours);
+    html += Figure("image/png", PngBytes(picture, folder), fmt::format("scan, {}: blue 0 to red 0.3 mm from the true surface", view.name));
+  }
+  return html;
+}
+
+/// The registered fine surface, its contact at the template's vertices spread to their neighbourhood.
+std::string FitFigures(const ModelPair& models, const FrameFit& fit, const FrameContact& contact, const fs::path& folder) {
+  const model::FootModel& model = fit.side == Side::kRight ? models.right : models.left;
+  const bool fine = fit.registration_fine_m.rows() > 0;
+  const Eigen::MatrixX3d& vertices = fine ? fit.registration_fine_m : fit.registration_m;
+  const TriangleMesh mesh = model::MeshOf(model, fine ? model::Variant::kFine : model::Variant::kCoarse, vertices);
+  std::vector<Colour> colours;
+  for (Eigen::Index v = 0; v < vertices.rows(); ++v) {
+    Eigen::Index nearest = 0;
+    (fit.registration_m.rowwise() - vertices.row(v)).rowwise().squaredNorm().minCoeff(&nearest);
+    const bool touches = contact.contact[static_cast<std::size_t>(nearest)] != 0;
+    colours.push_back(touches ? Colour{214, 84, 58} : Colour{224, 190, 168});
+  }
+  std::string html;
+  for (const NamedView& view : kViews) {
+    Picture picture(480, 480, view.view, {-0.08, -0.15, 0}, {0.08, 0.15, 0.12});
+    picture.DrawMesh(mesh, colours);
+    html += Figure("image/png", PngBytes(picture, folder), fmt::format("fitted foot, {}: red touches the glass", view.name));
+  }
+  return html;
+}
+
+std::string Table(const json& summary) {
+  std::string html = "<table>\n";
+  for (const auto& [section, values] : summary.items()) {
+    if (!values.is_object()) {
+      html += fmt::format("<tr><th>{}</th><td></td><td>{}</td></tr>\n", section,
+                          values.is_string() ? values.get<std::string>() : values.is_number() ? fmt::format("{:.1f}", values.get<double>()) : "&ndash;");
+      continue;
+    }
+    for (const auto& [name, value] : values.items()) {
+      const std::string text = value.is_null()           ? "&ndash;"
+                               : value.is_number_float() ? fmt::format("{:.4g}", value.get<double>())
+                                                         : value.dump();
+      html += fmt::format("<tr><th>{}</th><td>{}</td><td>{}</td></tr>\n", section, name, text);
+    }
+  }
+  return html + "</table>\n";
+}
+
+constexpr char kStyle[] =
+    "body{font:15px/1.5 system-ui,sans-serif;max-width:1500px;margin:2em auto;padding:0 1em;color:#222}"
+    "figure{display:inline-block;margin:4px;vertical-align:top}figure img{max-width:100%;display:block}"
+    "figcaption{font-size:13px;color:#555;max-width:480px}table{border-collapse:collapse}"
+    "th,td{text-align:left;padding:2px 14px 2px 0;border-bottom:1px solid #ddd;font-weight:normal}td:last-child{text-align:right;font-variant-numeric:tabular-nums}";
+
+}  // namespace
+
+void WriteReport(const fs::path& path, const fs::path& directory, const ModelPair& models, const json& summary) {
+  const io::TakePaths take{directory};
+  const io::TakeReader reader(directory);
+  const fs::path folder = path.parent_path().empty() ? fs::path(".") : path.parent_path();
+  std::string html = fmt::format(
+      "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>Sole report: {0}</title><style>{1}</style>"
+      "</head><body><h1>Sole report: {0}</h1>\n",
+      reader.Info().name, kStyle);
+  const auto& triggers = reader.Triggers();
+  if (!triggers.empty()) {
+    html += "<h2>What the cameras saw</h2>\n";
+    const FrameSet first = reader.Read(0);
+    for (std::size_t c = 0; c < first.images.size(); ++c) {
+      if (first.images[c]) html += CameraFigure(*first.images[c], reader.Config().cameras[c].serial);
+    }
+  }
+  if (fs::exists(take.Truth()) && !triggers.empty() && fs::exists(take.Scan(triggers[0].trigger))) {
+    html += "<h2>The scan</h2>\n" + ScanFigures(io::ReadPlyCloud(take.Scan(triggers[0].trigger)),
+                                                io::ReadPlyMesh(take.TruthMesh(triggers[0].trigger)), folder);
+  }
+  if (fs::exists(take.Fit())) {
+    const FitSequence fit = io::ReadFit(take.Fit());
+    const io::ContactFile contact = io::ReadContact(take.Contact());
+    for (std::size_t f = 0; f < fit.frames.size(); ++f) {
+      if (!fit.frames[f].found || contact.contact.size() <= f) continue;
+      html += "<h2>The fitted foot and its contact</h2>\n" + FitFigures(models, fit.frames[f], contact.contact[f], folder);
+      break;
+    }
+  }
+  html += "<h2>Figures against truth</h2>\n" + Table(summary) + "</body></html>\n";
+  io::WriteStringAtomically(path, html);
+}
+
+}  // namespace sole::app

@@ -1,0 +1,141 @@
+#include "app/simulation.h"
+
+#include <chrono>
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include "app/console.h"
+#include "core/error.h"
+#include "io/atomic_file.h"
+#include "io/raw_file.h"
+#include "io/rig_file.h"
+#include "io/take.h"
+#include "sim/truth_files.h"
+
+namespace sole::app {
+namespace {
+
+sim::RenderOptions OptionsFor(const RigConfig& config, std::uint64_t seed) {
+  sim::RenderOptions options;
+  options.noise = config.simulation.noise;
+  options.seed = seed;
+  return options;
+}
+
+sim::Scene SceneOf(const sim::MotionFrame& frame, const std::vector<Eigen::Vector3i>& triangles) {
+  sim::Scene scene;
+  scene.meshes.push_back({{frame.foot.foot.vertices_m, triangles}, {}, sim::ReferenceFoot().vertices});
+  return scene;
+}
+
+}  // namespace
+
+Simulation::Simulation(const RigConfig& config, std::uint64_t seed)
+    : config_(config),
+      seed_(seed),
+      renderer_(config, sim::DrawTrueRig(config, seed), OptionsFor(config, seed)),
+      subject_(sim::DrawSubject(seed)) {}
+
+RenderedTake Simulation::RenderCalibration(int poses) const {
+  RenderedTake take;
+  take.kind = ExposureKind::kTexture;
+  Progress progress("render calibration", poses);
+  for (const Rigid3& pose : sim::CalibrationPoses(poses, config_.target.edge_m, seed_)) {
+    sim::Scene scene;
+    scene.world_from_target = pose;
+    scene.exposure = ExposureKind::kTexture;
+    const sim::PreparedScene prepared = renderer_.Prepare(scene);
+    std::vector<ImageU8>& set = take.sets.emplace_back();
+    for (int c = 0; c < static_cast<int>(config_.cameras.size()); ++c) {
+      set.push_back(renderer_.Render(prepared, c, seed_ + 1000 * take.sets.size()));
+    }
+    progress.Set(static_cast<int>(take.sets.size()));
+  }
+  return take;
+}
+
+RenderedTake Simulation::RenderMotion(const std::string& motion, int frames) {
+  sim::MotionOptions options;
+  options.motion = motion;
+  options.frames = frames;
+  options.rate_hz = config_.trigger.rate_hz;
+  options.seed = seed_;
+  motion_ = sim::MakeMotion(subject_, options);
+  RenderedTake take;
+  Progress progress("render feet", frames);
+  for (const sim::MotionFrame& frame : motion_.frames) {
+    const sim::PreparedScene prepared = renderer_.Prepare(SceneOf(frame, motion_.triangles));
+    std::vector<ImageU8>& set = take.sets.emplace_back();
+    for (int c = 0; c < static_cast<int>(config_.cameras.size()); ++c) {
+      set.push_back(renderer_.Render(prepared, c, seed_ + 1000000 + 1000 * take.sets.size()));
+    }
+    progress.Set(static_cast<int>(take.sets.size()));
+  }
+  return take;
+}
+
+sim::CameraServer ServeRendered(const RigConfig& config, const RenderedTake& rendered) {
+  Require(!rendered.sets.empty(), "nothing was rendered to serve");
+  std::vector<sim::ServedCamera> cameras;
+  for (const CameraConfig& camera : config.cameras) {
+    Require(!camera.address.empty(), "camera " + camera.serial +
+                                         " has no address in the rig file: simulated cameras need one, such as 127.0.0.11");
+    cameras.push_back({camera.serial, camera.address, camera.width, camera.height, camera.exposure_us, camera.gain_db});
+  }
+  return {cameras, config.trigger.bus_port, [&rendered](int camera, const TriggerPulse& pulse) -> const ImageU8& {
+            const auto count = static_cast<std::int64_t>(rendered.sets.size());
+            const std::int64_t set = pulse.sequence <= 0 ? 0 : (pulse.sequence - 1) % count;
+            return rendered.sets[static_cast<std::size_t>(set)][static_cast<std::size_t>(camera)];
+          }};
+}
+
+capture::RecordResult RecordRendered(const RigConfig& config, const RenderedTake& rendered,
+                                     capture::RecordOptions options) {
+  const sim::CameraServer server = ServeRendered(config, rendered);
+  options.triggers = static_cast<std::int64_t>(rendered.sets.size());
+  options.cycle = {rendered.kind};
+  options.software = Version();
+  options.log = Log;
+  return capture::Record(config, options);
+}
+
+void WriteRendered(const RigConfig& config, const RenderedTake& rendered, const std::filesystem::path& directory) {
+  const io::TakePaths take{directory};
+  Require(!std::filesystem::exists(take.Info()), directory.string() + " already holds a take: choose another directory");
+  io::MakeDirectory(directory / "cameras");
+  io::TakeInfo info;
+  info.name = directory.filename().string();
+  info.subject = "simulated";
+  info.created = fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::time(nullptr)));
+  info.software = Version();
+  info.rig_hash = RigIdentityHash(config);
+  io::WriteRigFile(take.RigFile(), config);
+  std::vector<io::TriggerRecord> triggers;
+  for (std::size_t t = 0; t < rendered.sets.size(); ++t) {
+    const double at = static_cast<double>(t) / config.trigger.rate_hz;
+    const double exposure = 1e-6 * config.cameras.front().exposure_us;
+    triggers.push_back({static_cast<std::int64_t>(t) + 1, rendered.kind, at, at, at, at + exposure});
+  }
+  io::WriteTriggers(take, triggers);
+  for (std::size_t c = 0; c < config.cameras.size(); ++c) {
+    io::RawFileWriter writer(take.Raw(config.cameras[c].serial), config.cameras[c].serial);
+    for (std::size_t t = 0; t < rendered.sets.size(); ++t) {
+      const ImageU8& image = rendered.sets[t][c];
+      io::RawRecordHeader header;
+      header.trigger = triggers[t].trigger;
+      header.frame_id = t + 1;
+      header.device_time_ns = static_cast<std::uint64_t>(1e9 * triggers[t].actual_s);
+      header.host_time_ns = static_cast<std::int64_t>(header.device_time_ns);
+      header.width = static_cast<std::uint32_t>(image.width);
+      header.height = static_cast<std::uint32_t>(image.height);
+      writer.Append(header, image.pixels.data());
+    }
+    writer.Close();
+  }
+  info.state = "complete";
+  info.verdict = "good";
+  io::WriteTakeInfo(take, info);
+}
+
+}  // namespace sole::app

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "capture/recorder.h"
+#include "core/frame_set.h"
+#include "core/rig_config.h"
+#include "sim/camera_server.h"
+#include "sim/foot.h"
+#include "sim/renderer.h"
+
+namespace sole::app {
+
+/// Images rendered ahead of time: one set per trigger, one image per camera.
+struct RenderedTake {
+  ExposureKind kind = ExposureKind::kSpeckle;
+  std::vector<std::vector<ImageU8>> sets;
+};
+
+/// The simulated rig of one seed: true cameras and plate, one subject. Development uses seeds below 1000.
+class Simulation {
+ public:
+  Simulation(const RigConfig& config, std::uint64_t seed);
+
+  const RigConfig& Config() const { return config_; }
+  /// The calibration cube in `poses` poses, texture light.
+  RenderedTake RenderCalibration(int poses) const;
+  /// The subject's motion, `frames` triggers, speckle light.
+  RenderedTake RenderMotion(const std::string& motion, int frames);
+  /// Writes truth/ of the take: true rig and, after RenderMotion, true geometry.
+  void WriteTruth(const std::filesystem::path& take) const;
+
+ private:
+  RigConfig config_;
+  std::uint64_t seed_;
+  sim::Renderer renderer_;
+  sim::Subject subject_;
+  sim::FootMotion motion_;
+};
+
+/// Serves the rendered images as GigE Vision cameras on loopback; sets are repeated in a cycle.
+/// `rendered` must outlive the server.
+sim::CameraServer ServeRendered(const RigConfig& config, const RenderedTake& rendered);
+
+/// Serves the images and records them with the real recorder, one trigger per set.
+capture::RecordResult RecordRendered(const RigConfig& config, const RenderedTake& rendered,
+                                     capture::RecordOptions options);
+
+/// Writes a take as the recorder would have, without cameras.
+void WriteRendered(const RigConfig& config, const RenderedTake& rendered, const std::filesystem::path& take);
+
+}  // namespace sole::app

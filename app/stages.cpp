@@ -1,0 +1,186 @@
+#include "app/stages.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <fstream>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "app/console.h"
+#include "contact/ground.h"
+#include "contact/label.h"
+#include "core/error.h"
+#include "io/atomic_file.h"
+#include "io/calibration_file.h"
+#include "io/mesh_file.h"
+#include "io/take.h"
+#include "model/fit.h"
+#include "model/measure.h"
+#include "model/mirror.h"
+#include "model/model_file.h"
+#include "recon/reconstruct.h"
+
+namespace sole::app {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+json PairJson(const recon::PairStats& pair) {
+  return {{"name", pair.name},           {"tried", pair.tried},
+          {"matched", pair.matched},     {"kept", pair.kept},
+          {"in_cloud", pair.in_cloud},   {"mean_zncc", pair.mean_zncc},
+          {"median_gap_px", pair.median_gap_px}, {"seconds", pair.seconds},
+          {"skipped", pair.skipped}};
+}
+
+/// Clouds of every trigger, in order. Throws Error if a scan is missing.
+std::vector<PointCloud> ReadScans(const io::TakePaths& take, const std::vector<std::int64_t>& triggers) {
+  std::vector<PointCloud> clouds;
+  for (const std::int64_t trigger : triggers) {
+    Require(fs::exists(take.Scan(trigger)),
+            take.Scan(trigger).string() + " is missing: run `sole reconstruct " + take.root.string() + "` first");
+    clouds.push_back(io::ReadPlyCloud(take.Scan(trigger)));
+  }
+  return clouds;
+}
+
+std::vector<std::int64_t> TriggerNumbers(const io::TakePaths& take) {
+  std::vector<std::int64_t> triggers;
+  for (const io::TriggerRecord& record : io::ReadTriggers(take)) triggers.push_back(record.trigger);
+  return triggers;
+}
+
+/// True if `output` is missing or older than one of the inputs.
+bool Stale(const fs::path& output, const std::vector<fs::path>& inputs) {
+  if (!fs::exists(output)) return true;
+  return std::any_of(inputs.begin(), inputs.end(), [&](const fs::path& input) {
+    return fs::exists(input) && fs::last_write_time(input) > fs::last_write_time(output);
+  });
+}
+
+}  // namespace
+
+ModelPair LoadModelPair(const fs::path& path) {
+  model::FootModel loaded = model::LoadModel(path);
+  model::FootModel mirrored = model::MirrorModel(loaded);
+  if (loaded.side == Side::kRight) return {std::move(loaded), std::move(mirrored)};
+  return {std::move(mirrored), std::move(loaded)};
+}
+
+fs::path DefaultModelPath() {
+  if (const char* folder = std::getenv("SOLE_MODELS")) return fs::path(folder) / "sole-foot.npz";
+  return fs::path(SOLE_SOURCE_DIR) / "models" / "sole-foot.npz";
+}
+
+void RunReconstruct(const fs::path& directory, const fs::path& calibration_path) {
+  const io::TakePaths take{directory};
+  const io::TakeReader reader(directory);
+  const Calibration calibration = io::ReadCalibration(calibration_path);
+  Require(calibration.rig.rig_hash == RigIdentityHash(reader.Config()),
+          fmt::format("{} is the calibration of another rig than {}: record a calibration take with this rig and "
+                      "run `sole calibrate` on it",
+                      calibration_path.string(), directory.string()));
+  const recon::Reconstructor reconstructor(calibration.rig);
+  io::MakeDirectory(take.Scan(1).parent_path());
+  io::MakeDirectory(take.Platform(1).parent_path());
+
+  json frames = json::array();
+  double seconds = 0;
+  const int count = static_cast<int>(reader.Triggers().size());
+  Progress progress("reconstruct", count);
+  for (int i = 0; i < count; ++i) {
+    const FrameSet frame = reader.Read(static_cast<std::size_t>(i));
+    const recon::FrameReconstruction result = reconstructor.Reconstruct(frame);
+    io::WritePly(take.Scan(frame.trigger), result.cloud);
+    io::WritePly(take.Platform(frame.trigger), result.platform);
+    json pairs = json::array();
+    for (const recon::PairStats& pair : result.pairs) {
+      pairs.push_back(PairJson(pair));
+      if (!pair.skipped.empty()) {
+        Log(fmt::format("trigger {}, pair {}: {}", frame.trigger, pair.name, pair.skipped));
+      }
+    }
+    frames.push_back({{"trigger", frame.trigger}, {"points", result.cloud.Size()},
+                      {"platform_points", result.platform.Size()}, {"seconds", result.seconds}, {"pairs", pairs}});
+    seconds += result.seconds;
+    progress.Set(i + 1);
+  }
+  if (fs::absolute(calibration_path) != fs::absolute(directory / "calibration.json")) {
+    io::WriteCalibration(directory / "calibration.json", calibration);
+  }
+  const json stats{{"format_version", 1}, {"seconds_per_frame", count ? json(seconds / count) : json(nullptr)}, {"frames", frames}};
+  io::WriteStringAtomically(take.ReconstructionStats(), stats.dump(2) + "\n");
+}
+
+void RunContact(const fs::path& directory) {
+  const io::TakePaths take{directory};
+  io::ContactFile file;
+  for (const std::int64_t trigger : TriggerNumbers(take)) {
+    Require(fs::exists(take.Platform(trigger)), take.Platform(trigger).string() + " is missing: run `sole reconstruct " +
+                                                    directory.string() + "` first");
+    file.triggers.push_back(trigger);
+    file.ground.push_back(contact::EstimateGround(io::ReadPlyCloud(take.Platform(trigger))));
+  }
+  io::WriteContact(take.Contact(), file);
+}
+
+void RunFit(const fs::path& directory, const ModelPair& models) {
+  const io::TakePaths take{directory};
+  const std::vector<std::int64_t> triggers = TriggerNumbers(take);
+  const std::vector<PointCloud> clouds = ReadScans(take, triggers);
+  Require(fs::exists(take.Contact()), take.Contact().string() + " is missing: run `sole contact " + directory.string() + "` first");
+  io::ContactFile contact = io::ReadContact(take.Contact());
+  Require(contact.triggers == triggers, take.Contact().string() + " has other frames than the take: run `sole contact " +
+                                            directory.string() + "` again");
+  const Stopwatch watch;
+  Progress progress("fit", static_cast<int>(triggers.size()));
+  const FitSequence fit = model::FitFrames(models.right, models.left, clouds, triggers, {},
+                                           [&](int done, int) { progress.Set(done); });
+  contact.contact.clear();
+  for (std::size_t f = 0; f < fit.frames.size(); ++f) {
+    contact.contact.push_back(contact::LabelContact(fit.frames[f].registration_m,
+                                                    fit.frames[f].registration_sd_m, contact.ground[f]));
+    if (fit.frames[f].verdict != "good") {
+      Log(fmt::format("trigger {}: {}", triggers[f], fit.frames[f].verdict));
+    }
+  }
+  io::WriteFit(take.Fit(), fit);
+  io::WriteContact(take.Contact(), contact);
+  const json stats{{"format_version", 1},
+                   {"seconds_per_frame", triggers.empty() ? json(nullptr) : json(watch.Seconds() / static_cast<double>(triggers.size()))}};
+  io::WriteStringAtomically(directory / "fit.json", stats.dump(2) + "\n");
+}
+
+void RunMeasure(const fs::path& directory, const ModelPair& models) {
+  const io::TakePaths take{directory};
+  Require(fs::exists(take.Fit()), take.Fit().string() + " is missing: run `sole fit " + directory.string() + "` first");
+  const FitSequence fit = io::ReadFit(take.Fit());
+  const io::ContactFile contact = io::ReadContact(take.Contact());
+  std::vector<io::Measurement> rows;
+  for (std::size_t f = 0; f < fit.frames.size(); ++f) {
+    const FrameFit& frame = fit.frames[f];
+    const model::FootModel& model = frame.side == Side::kRight ? models.right : models.left;
+    for (const model::FootMeasure& m : model::MeasureFrame(model, frame, contact.ground.at(f))) {
+      rows.push_back({frame.trigger, m.name, 1e3 * m.value_m, "mm", 1e3 * m.sd_m, 1});
+    }
+  }
+  io::WriteMeasurements(take.Measurements(), rows);
+}
+
+void RunProcess(const fs::path& directory, const fs::path& calibration, const fs::path& model_path) {
+  const io::TakePaths take{directory};
+  const fs::path own = directory / "calibration.json";
+  const fs::path used = calibration.empty() ? own : calibration;
+  Require(fs::exists(used), used.string() + " does not exist: give --calibration FILE (made by `sole calibrate`)");
+  const ModelPair models = LoadModelPair(model_path);
+  if (Stale(take.ReconstructionStats(), {take.Info(), used})) RunReconstruct(directory, used);
+  const bool refit = Stale(take.Fit(), {take.ReconstructionStats(), model_path});
+  if (refit || Stale(take.Contact(), {take.ReconstructionStats()})) RunContact(directory);
+  if (refit) RunFit(directory, models);
+  if (Stale(take.Measurements(), {take.Fit()})) RunMeasure(directory, models);
+  for (const std::string& format : ExportFormats()) RunExport(directory, models, format);
+}
+
+}  // namespace sole::app

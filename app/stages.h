@@ -1,0 +1,44 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/rig.h"
+#include "model/foot_model.h"
+
+namespace sole::app {
+
+/// Each stage reads what earlier stages left in the take and writes its own files; all are listed in
+/// docs/formats.md. They throw Error where the input is missing or does not fit.
+
+/// Both sides of a foot model.
+struct ModelPair {
+  model::FootModel right;
+  model::FootModel left;
+};
+/// Loads a model file and mirrors it.
+ModelPair LoadModelPair(const std::filesystem::path& path);
+/// The shipped model: models/sole-foot.npz of the source tree, or $SOLE_MODELS/sole-foot.npz.
+std::filesystem::path DefaultModelPath();
+
+/// scans/, scans/platform/, scans/stats.json and a copy of the calibration.
+void RunReconstruct(const std::filesystem::path& take, const std::filesystem::path& calibration);
+/// contact.npz with the ground of every frame.
+void RunContact(const std::filesystem::path& take);
+/// fit.npz, fit.json and the labels of contact.npz.
+void RunFit(const std::filesystem::path& take, const ModelPair& models);
+/// measurements.csv
+void RunMeasure(const std::filesystem::path& take, const ModelPair& models);
+
+/// Formats of RunExport.
+const std::vector<std::string>& ExportFormats();
+/// Writes TAKE/exports/NAME.FORMAT and returns the path. Throws Error for an unknown format, naming the known ones.
+std::filesystem::path RunExport(const std::filesystem::path& take, const ModelPair& models, const std::string& format);
+
+/// All of the above in order, leaving out what is newer than its input. `calibration` may be empty if the
+/// take already holds one.
+void RunProcess(const std::filesystem::path& take, const std::filesystem::path& calibration, const std::filesystem::path& model);
+
+}  // namespace sole::app

@@ -1,0 +1,55 @@
+#include "app/truth.h"
+
+#include "core/error.h"
+#include "io/mesh_file.h"
+#include "io/npz.h"
+#include "io/take.h"
+
+namespace sole::app {
+namespace {
+
+/// Our names of measures and the names that the survey gives them.
+const std::map<std::string, std::string>& SurveyNames() {
+  static const std::map<std::string, std::string> names{{"length", "footlength"},
+                                                        {"ball_width", "footbreadthhorizontal"},
+                                                        {"heel_width", "heelbreadth"},
+                                                        {"instep_height", "instep_height"},
+                                                        {"arch_height", "arch_height"}};
+  return names;
+}
+
+}  // namespace
+
+TakeTruth ReadTruth(const std::filesystem::path& directory) {
+  const io::TakePaths take{directory};
+  Require(std::filesystem::exists(take.Truth()),
+          directory.string() + " has no truth/: only simulated takes can be scored");
+  const io::Npz npz = io::ReadNpz(take.Truth());
+  TakeTruth truth;
+  truth.side = io::StringFrom(npz, "side") == "left" ? Side::kLeft : Side::kRight;
+  const std::vector<int> triggers = io::IntsFrom(npz, "frames");
+  const std::vector<std::size_t>& shape = io::ShapeOf(npz, "visible");  // frames, pairs, vertices
+  Require(shape.size() == 3 && shape[0] == triggers.size(),
+          take.Truth().string() + ": 'visible' does not fit 'frames'");
+  const std::vector<std::uint8_t>& visible = npz.at("visible").bytes;
+  Require(visible.size() == shape[0] * shape[1] * shape[2], take.Truth().string() + ": 'visible' is not of bytes");
+  for (std::size_t f = 0; f < triggers.size(); ++f) {
+    FrameTruth frame;
+    frame.trigger = triggers[f];
+    frame.mesh = io::ReadPlyMesh(take.TruthMesh(frame.trigger));
+    Require(frame.mesh.vertices.size() == shape[2], take.TruthMesh(frame.trigger).string() +
+                                                        " has another number of vertices than truth.npz");
+    for (std::size_t p = 0; p < shape[1]; ++p) {
+      const auto first = visible.begin() + static_cast<std::ptrdiff_t>((f * shape[1] + p) * shape[2]);
+      frame.visible.emplace_back(first, first + static_cast<std::ptrdiff_t>(shape[2]));
+    }
+    truth.frames.push_back(std::move(frame));
+  }
+  for (const auto& [name, survey_name] : SurveyNames()) {
+    const std::string key = "measure_" + survey_name;
+    if (npz.contains(key)) truth.measures_mm[name] = io::MatrixFrom(npz, key)(0, 0);
+  }
+  return truth;
+}
+
+}  // namespace sole::app
