@@ -70,8 +70,14 @@ ModelPair LoadModelPair(const fs::path& path) {
 }
 
 fs::path DefaultModelPath() {
-  if (const char* folder = std::getenv("SOLE_MODELS")) return fs::path(folder) / "sole-foot.npz";
-  return fs::path(SOLE_SOURCE_DIR) / "models" / "sole-foot.npz";
+  const fs::path name = fs::path("models") / "sole-foot.npz";
+  if (const char* folder = std::getenv("SOLE_MODELS")) return fs::path(folder) / name.filename();
+  std::error_code ignored;
+  const fs::path program = fs::read_symlink("/proc/self/exe", ignored);
+  for (fs::path folder = program.parent_path(); folder.has_relative_path(); folder = folder.parent_path()) {
+    if (fs::exists(folder / name)) return folder / name;
+  }
+  return name;
 }
 
 void RunReconstruct(const fs::path& directory, const fs::path& calibration_path) {

@@ -20,7 +20,8 @@ struct ModelPair {
 };
 /// Loads a model file and mirrors it.
 ModelPair LoadModelPair(const std::filesystem::path& path);
-/// The shipped model: models/sole-foot.npz of the source tree, or $SOLE_MODELS/sole-foot.npz.
+/// The shipped model: $SOLE_MODELS/sole-foot.npz if that is set, else models/sole-foot.npz in a folder above the
+/// program's own.
 std::filesystem::path DefaultModelPath();
 
 /// scans/, scans/platform/, scans/stats.json and a copy of the calibration.
