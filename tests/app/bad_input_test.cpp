@@ -1,0 +1,153 @@
+// What the program says to input that it cannot use: one clear line, exit status 1, earlier files untouched.
+
+#include <fstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "io/atomic_file.h"
+#include "io/mesh_file.h"
+#include "tests/app/run_program.h"
+#include "tests/app/small_take.h"
+#include "tests/support/temporary_directory.h"
+
+namespace sole {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+using testing_support::NominalCalibration;
+using testing_support::ProgramResult;
+using testing_support::RunSole;
+using testing_support::SmallRig;
+using testing_support::TemporaryDirectory;
+using testing_support::WriteDarkTake;
+
+void ExpectOneLine(const ProgramResult& result, const std::vector<std::string>& parts) {
+  EXPECT_EQ(result.status, 1) << result.output;
+  EXPECT_EQ(result.ErrorLines(), 1) << result.output;
+  for (const std::string& part : parts) EXPECT_THAT(result.output, HasSubstr(part));
+}
+
+class BadInput : public testing::Test {
+ protected:
+  BadInput() {
+    WriteDarkTake(take, rig, 2);
+    io::WriteCalibration(calibration, NominalCalibration(rig));
+  }
+  std::string Reconstruct() const {
+    return "reconstruct " + take.string() + " --calibration " + calibration.string();
+  }
+
+  TemporaryDirectory directory;
+  RigConfig rig = SmallRig();
+  fs::path take = directory / "take";
+  fs::path calibration = directory / "calibration.json";
+};
+
+TEST_F(BadInput, WrongUsageIsStatusTwo) {
+  EXPECT_EQ(RunSole("").status, 2);
+  EXPECT_EQ(RunSole("frobnicate").status, 2);
+  EXPECT_EQ(RunSole("reconstruct").status, 2);
+  EXPECT_EQ(RunSole("--help").status, 0);
+}
+
+TEST_F(BadInput, EveryCommandHasHelpWithAnExample) {
+  for (const char* command : {"demo", "sim serve", "sim render", "rig check", "record", "calibrate", "reconstruct", "contact",
+                              "fit", "process", "measure", "export", "evaluate", "model info"}) {
+    const ProgramResult help = RunSole(std::string(command) + " --help");
+    EXPECT_EQ(help.status, 0) << command;
+    EXPECT_THAT(help.output, HasSubstr("Example: sole " + std::string(command)));
+  }
+}
+
+TEST_F(BadInput, RigFileWithUnknownKeyNamesLineAndColumn) {
+  io::WriteStringAtomically(directory / "rig.toml", "name = \"x\"\n\n[[camera]]\nserial = \"A\"\nfokal_px = 3000\n");
+  ExpectOneLine(RunSole("rig check " + (directory / "rig.toml").string()), {"rig.toml:5:", "fokal_px"});
+}
+
+TEST_F(BadInput, RigFileWithImpossibleValueNamesTheLine) {
+  io::WriteStringAtomically(directory / "rig.toml", "name = \"x\"\n\n[[camera]]\nserial = \"A\"\nwidth = -4\n");
+  ExpectOneLine(RunSole("rig check " + (directory / "rig.toml").string()), {"rig.toml", "width"});
+}
+
+TEST_F(BadInput, CameraThatIsNotThereIsNamed) {
+  io::WriteRigFile(directory / "rig.toml", rig);
+  const fs::path target = directory / "new-take";
+  ExpectOneLine(RunSole("record " + (directory / "rig.toml").string() + " --subject S1 --frames 2 --take " + target.string()),
+                {"SIM0001", "127.0.91.1"});
+  EXPECT_FALSE(fs::exists(target / "take.json"));
+}
+
+TEST_F(BadInput, TakeWithoutACameraFile) {
+  fs::remove(take / "cameras" / "SIM0003.raw");
+  ExpectOneLine(RunSole(Reconstruct()), {"SIM0003"});
+  EXPECT_FALSE(fs::exists(take / "scans" / "stats.json"));
+}
+
+TEST_F(BadInput, TakeWithACutCameraFileIsReadAsFarAsItGoes) {
+  const fs::path raw = take / "cameras" / "SIM0002.raw";
+  fs::resize_file(raw, fs::file_size(raw) - 100);
+  const ProgramResult result = RunSole(Reconstruct());
+  EXPECT_EQ(result.status, 0) << result.output;
+  EXPECT_THAT(result.output, HasSubstr("trigger 2, pair below"));
+}
+
+TEST_F(BadInput, TakeOfAnotherVersion) {
+  std::string info = io::ReadFile(take / "take.json");
+  const std::size_t at = info.find("\"format_version\": 1");
+  ASSERT_NE(at, std::string::npos) << info;
+  info.replace(at, 19, "\"format_version\": 99");
+  io::WriteStringAtomically(take / "take.json", info);
+  ExpectOneLine(RunSole(Reconstruct()), {"take.json", "99"});
+}
+
+TEST_F(BadInput, CalibrationOfAnotherRig) {
+  RigConfig other = rig;
+  other.cameras[0].serial = "OTHER01";
+  other.pairs[0].left = "OTHER01";
+  io::WriteCalibration(calibration, NominalCalibration(other));
+  ExpectOneLine(RunSole(Reconstruct()), {"calibration.json", "another rig"});
+}
+
+TEST_F(BadInput, DamagedCalibration) {
+  io::WriteStringAtomically(calibration, "{\"format_version\": 1,");
+  ExpectOneLine(RunSole(Reconstruct()), {"calibration.json"});
+}
+
+TEST_F(BadInput, FramesWithoutAFootAreReportedNotInvented) {
+  ASSERT_EQ(RunSole(Reconstruct()).status, 0);
+  EXPECT_EQ(io::ReadPlyCloud(take / "scans" / "000001.ply").Size(), 0u);
+  ASSERT_EQ(RunSole("contact " + take.string()).status, 0);
+  const ProgramResult fit = RunSole("fit " + take.string());
+  EXPECT_EQ(fit.status, 0) << fit.output;
+  EXPECT_THAT(fit.output, HasSubstr("trigger 1: no foot"));
+  const FitSequence sequence = io::ReadFit(take / "fit.npz");
+  ASSERT_EQ(sequence.frames.size(), 2u);
+  EXPECT_FALSE(sequence.frames[0].found);
+  ExpectOneLine(RunSole("export " + take.string() + " --to glb"), {"nothing to export"});
+}
+
+TEST_F(BadInput, StagesSayWhichStageIsMissing) {
+  ExpectOneLine(RunSole("contact " + take.string()), {"sole reconstruct"});
+  ExpectOneLine(RunSole("measure " + take.string()), {"sole fit"});
+  ExpectOneLine(RunSole("evaluate " + take.string()), {"truth"});
+  ExpectOneLine(RunSole("process " + take.string()), {"--calibration"});
+}
+
+TEST_F(BadInput, UnwritableOutputLeavesNothing) {
+  std::ofstream(directory / "file") << "in the way";
+  ExpectOneLine(RunSole("demo --out " + (directory / "file" / "demo").string()), {"cannot create folder"});
+  EXPECT_EQ(io::ReadFile(directory / "file"), "in the way");
+}
+
+TEST_F(BadInput, UnknownMotionModelAndFormatAreNamed) {
+  io::WriteRigFile(directory / "rig.toml", rig);
+  ExpectOneLine(RunSole("sim render " + (directory / "rig.toml").string() + " --motion moonwalk --out " + (directory / "t").string()),
+                {"moonwalk", "stand"});
+  ExpectOneLine(RunSole("model info " + (directory / "none.npz").string()), {"none.npz"});
+  ExpectOneLine(RunSole("export " + take.string() + " --to fbx"), {"fbx", "glb"});
+}
+
+}  // namespace
+}  // namespace sole
