@@ -27,6 +27,7 @@ int main(int argc, char** argv) {
   std::signal(SIGINT, OnInterrupt);
   std::signal(SIGTERM, OnInterrupt);
   std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGXFSZ, SIG_IGN);  // a file size limit is an error like a full disk
 
   CLI::App app{"Sole: records feet in motion and turns them into fitted, measured, exportable models."};
   app.name("sole");

@@ -9,7 +9,7 @@
 #include "io/mesh_file.h"
 #include "tests/app/run_program.h"
 #include "tests/app/small_take.h"
-#include "tests/support/temporary_directory.h"
+#include "tests/support/temp_dir.h"
 
 namespace sole {
 namespace {
@@ -20,7 +20,7 @@ using testing_support::NominalCalibration;
 using testing_support::ProgramResult;
 using testing_support::RunSole;
 using testing_support::SmallRig;
-using testing_support::TemporaryDirectory;
+using testing_support::TempDir;
 using testing_support::WriteDarkTake;
 
 void ExpectOneLine(const ProgramResult& result, const std::vector<std::string>& parts) {
@@ -39,7 +39,7 @@ class BadInput : public testing::Test {
     return "reconstruct " + take.string() + " --calibration " + calibration.string();
   }
 
-  TemporaryDirectory directory;
+  TempDir directory;
   RigConfig rig = SmallRig();
   fs::path take = directory / "take";
   fs::path calibration = directory / "calibration.json";
@@ -139,6 +139,16 @@ TEST_F(BadInput, UnwritableOutputLeavesNothing) {
   std::ofstream(directory / "file") << "in the way";
   ExpectOneLine(RunSole("demo --out " + (directory / "file" / "demo").string()), {"cannot create folder"});
   EXPECT_EQ(io::ReadFile(directory / "file"), "in the way");
+}
+
+TEST_F(BadInput, FullDiskKeepsEarlierFiles) {
+  ASSERT_EQ(RunSole(Reconstruct()).status, 0);
+  const std::string before = io::ReadFile(take / "calibration.json");
+  ASSERT_GT(before.size(), 2048u);
+  // No file may grow beyond one block of 512 or 1024 bytes: writing fails as it does on a full disk.
+  ExpectOneLine(RunSole(Reconstruct(), "ulimit -f 1"), {"cannot write"});
+  EXPECT_EQ(io::ReadFile(take / "calibration.json"), before);
+  EXPECT_EQ(std::distance(fs::directory_iterator(take), {}), 6);  // nothing half-written is left
 }
 
 TEST_F(BadInput, UnknownMotionModelAndFormatAreNamed) {

@@ -5,13 +5,13 @@
 #include "app/demo.h"
 #include "io/atomic_file.h"
 #include "io/take.h"
-#include "tests/support/temporary_directory.h"
+#include "tests/support/temp_dir.h"
 
 namespace sole::app {
 namespace {
 
 TEST(RunDemo, WholeChainMeetsItsFiguresAtReducedSize) {
-  const testing_support::TemporaryDirectory directory;
+  const testing_support::TempDir directory;
   DemoOptions options;
   options.out = directory / "demo";
   options.seed = 17;

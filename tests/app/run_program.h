@@ -20,10 +20,10 @@ struct ProgramResult {
   }
 };
 
-/// Runs the program `sole` with these arguments through the shell.
-inline ProgramResult RunSole(const std::string& arguments) {
+/// Runs the program `sole` with these arguments through the shell, after the shell command `before`.
+inline ProgramResult RunSole(const std::string& arguments, const std::string& before = ":") {
   ProgramResult result;
-  FILE* pipe = popen((std::string(SOLE_PROGRAM) + " " + arguments + " 2>&1 < /dev/null").c_str(), "r");
+  FILE* pipe = popen((before + "; exec " + SOLE_PROGRAM + " " + arguments + " 2>&1 < /dev/null").c_str(), "r");
   if (!pipe) return result;
   char buffer[4096];
   while (const std::size_t count = fread(buffer, 1, sizeof buffer, pipe)) result.output.append(buffer, count);
