@@ -18,6 +18,7 @@
 #include "io/raw_file.h"
 #include "io/take.h"
 #include "model/surface_query.h"
+#include "model/triangle_topology.h"
 
 namespace sole::app {
 namespace {
@@ -86,16 +87,6 @@ struct SurfaceErrors {
   double seen_area = 0, covered_area = 0;
 };
 
-std::vector<double> VertexAreas(const TriangleMesh& mesh) {
-  std::vector<double> areas(mesh.vertices.size(), 0);
-  for (const Eigen::Vector3i& t : mesh.triangles) {
-    const auto corner = [&](int k) -> const Eigen::Vector3d& { return mesh.vertices[static_cast<std::size_t>(t[k])]; };
-    const double third = (corner(1) - corner(0)).cross(corner(2) - corner(0)).norm() / 6;
-    for (int k = 0; k < 3; ++k) areas[static_cast<std::size_t>(t[k])] += third;
-  }
-  return areas;
-}
-
 /// Signed distance of every point to the surface (positive outside); NaN beyond 10 mm.
 std::vector<double> SignedDistances(const TriangleMesh& mesh, const std::vector<Eigen::Vector3f>& points) {
   const model::SurfaceQuery query(mesh);
@@ -160,7 +151,7 @@ void AddFrame(const FrameTruth& truth, const PointCloud& cloud, const std::vecto
   }
   errors.points += cloud.Size();
   ++errors.frames;
-  const std::vector<double> areas = VertexAreas(truth.mesh);
+  const std::vector<double> areas = model::VertexAreas(truth.mesh);
   const std::vector<bool> covered = CoveredVertices(truth.mesh, cloud.points_m);
   for (std::size_t v = 0; v < areas.size(); ++v) {
     const bool seen = std::any_of(truth.visible.begin(), truth.visible.end(),
