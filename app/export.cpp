@@ -19,22 +19,23 @@ namespace fs = std::filesystem;
 
 /// What exporters get: the registered surface of every frame that has a foot.
 struct ExportFrames {
-  std::vector<Eigen::Vector3i> triangles;
-  std::vector<std::int64_t> triggers;
-  std::vector<std::vector<Eigen::Vector3d>> vertices;
-  double rate_hz = 10;
-  const FitSequence* fit = nullptr;
+  std::vector<std::int64_t> triggers;  ///< one per frame of the animation
+  io::MeshAnimation animation;
 };
 
-TriangleMesh FirstMesh(const ExportFrames& frames) { return {frames.vertices.front(), frames.triangles}; }
+TriangleMesh FirstMesh(const ExportFrames& frames) {
+  TriangleMesh mesh{{}, frames.animation.triangles};
+  for (const auto& vertex : frames.animation.frames.front().rowwise()) mesh.vertices.push_back(vertex);
+  return mesh;
+}
 
 void ExportCsv(const fs::path& path, const ExportFrames& frames) {
   std::string text = "# Sole export, format 1: registered vertices of every frame; metres, world frame (z = 0 is the glass top)\n"
                      "frame,vertex,x_m,y_m,z_m\n";
-  for (std::size_t f = 0; f < frames.vertices.size(); ++f) {
-    for (std::size_t v = 0; v < frames.vertices[f].size(); ++v) {
-      const Eigen::Vector3d& p = frames.vertices[f][v];
-      text += fmt::format("{},{},{:.6f},{:.6f},{:.6f}\n", frames.triggers[f], v, p.x(), p.y(), p.z());
+  for (std::size_t f = 0; f < frames.triggers.size(); ++f) {
+    const Eigen::MatrixX3d& vertices = frames.animation.frames[f];
+    for (Eigen::Index v = 0; v < vertices.rows(); ++v) {
+      text += fmt::format("{},{},{:.6f},{:.6f},{:.6f}\n", frames.triggers[f], v, vertices(v, 0), vertices(v, 1), vertices(v, 2));
     }
   }
   io::WriteStringAtomically(path, text);
@@ -42,19 +43,19 @@ void ExportCsv(const fs::path& path, const ExportFrames& frames) {
 
 void ExportNpz(const fs::path& path, const ExportFrames& frames) {
   std::vector<double> positions;
-  for (const auto& frame : frames.vertices) {
-    for (const Eigen::Vector3d& p : frame) positions.insert(positions.end(), {p.x(), p.y(), p.z()});
+  for (const Eigen::MatrixX3d& frame : frames.animation.frames) {
+    for (const auto& p : frame.rowwise()) positions.insert(positions.end(), {p.x(), p.y(), p.z()});
   }
   std::vector<int> triangles, triggers;
-  for (const Eigen::Vector3i& t : frames.triangles) triangles.insert(triangles.end(), {t[0], t[1], t[2]});
+  for (const Eigen::Vector3i& t : frames.animation.triangles) triangles.insert(triangles.end(), {t[0], t[1], t[2]});
   for (const std::int64_t t : frames.triggers) triggers.push_back(static_cast<int>(t));
-  const std::size_t count = frames.vertices.front().size();
+  const auto count = static_cast<std::size_t>(frames.animation.frames.front().rows());
   io::WriteNpz(path, {{"format", io::NpyFrom(std::string("sole-export"))},
                       {"version", io::NpyFrom(std::vector<int>{1})},
                       {"units", io::NpyFrom(std::string("metres"))},
                       {"frames", io::NpyFrom(triggers)},
-                      {"triangles", io::Reshaped(io::NpyFrom(triangles), {frames.triangles.size(), 3})},
-                      {"vertices_m", io::Reshaped(io::NpyFrom(positions), {frames.vertices.size(), count, 3})}});
+                      {"triangles", io::Reshaped(io::NpyFrom(triangles), {frames.animation.triangles.size(), 3})},
+                      {"vertices_m", io::Reshaped(io::NpyFrom(positions), {frames.triggers.size(), count, 3})}});
 }
 
 using Exporter = std::function<void(const fs::path&, const ExportFrames&)>;
@@ -62,7 +63,7 @@ using Exporter = std::function<void(const fs::path&, const ExportFrames&)>;
 /// A new format is one line here and one writer in io/.
 const std::vector<std::pair<std::string, Exporter>>& Exporters() {
   static const std::vector<std::pair<std::string, Exporter>> exporters{
-      {"glb", [](const fs::path& path, const ExportFrames& f) { io::WriteGlb(path, f.triangles, f.vertices, f.rate_hz); }},
+      {"glb", [](const fs::path& path, const ExportFrames& f) { io::WriteGlb(path, f.animation); }},
       {"obj", [](const fs::path& path, const ExportFrames& f) { io::WriteObj(path, FirstMesh(f)); }},
       {"stl", [](const fs::path& path, const ExportFrames& f) { io::WriteStl(path, FirstMesh(f)); }},
       {"csv", ExportCsv},
@@ -91,19 +92,18 @@ fs::path RunExport(const fs::path& directory, const ModelPair& models, const std
   Require(fs::exists(take.Fit()), take.Fit().string() + " is missing: run `sole fit " + directory.string() + "` first");
   const FitSequence fit = io::ReadFit(take.Fit());
   ExportFrames frames;
-  frames.fit = &fit;
-  frames.rate_hz = io::TakeReader(directory).Config().trigger.rate_hz;
+  frames.animation.rate_hz = io::TakeReader(directory).Config().trigger.rate_hz;
   for (const FrameFit& frame : fit.frames) {
     if (!frame.found) continue;
     const model::FootModel& model = frame.side == Side::kRight ? models.right : models.left;
     const bool fine = frame.registration_fine_m.rows() > 0;
     const Eigen::MatrixX3d& vertices = fine ? frame.registration_fine_m : frame.registration_m;
-    const TriangleMesh mesh = model::MeshOf(model, fine ? model::Variant::kFine : model::Variant::kCoarse, vertices);
-    frames.triangles = mesh.triangles;
-    frames.vertices.push_back(mesh.vertices);
+    frames.animation.triangles =
+        model::TemplateMesh(model, fine ? model::Variant::kFine : model::Variant::kCoarse).triangles;
+    frames.animation.frames.push_back(vertices);
     frames.triggers.push_back(frame.trigger);
   }
-  Require(!frames.vertices.empty(), "no frame of " + directory.string() + " has a fitted foot: nothing to export");
+  Require(!frames.triggers.empty(), "no frame of " + directory.string() + " has a fitted foot: nothing to export");
   io::MakeDirectory(take.Exports());
   const std::string name = fs::absolute(directory).lexically_normal().filename().string();
   const fs::path path = take.Exports() / ((name.empty() ? "take" : name) + "." + format);
