@@ -15,7 +15,6 @@
 #include "calib/calibrate.h"
 #include "io/calibration_file.h"
 #include "model/model_file.h"
-#include "model/model_info.h"
 
 namespace sole::app {
 namespace {
@@ -123,7 +122,7 @@ void AddProcessingCommands(CLI::App& app, CommonOptions& common, int& status) {
   model->require_subcommand(1);
   CLI::App* info = AddCommand(*model, common, status, "info", "Prints family, sizes, joints and licence",
                               "sole model info models/sole-foot.npz",
-                              [a] { fmt::print("{}", model::DescribeModel(model::LoadModel(a->file))); });
+                              [a] { fmt::print("{}\n", fmt::join(model::DescribeModel(model::LoadModel(a->file)), "\n")); });
   info->add_option("FILE", a->file, "Model file")->required();
 }
 

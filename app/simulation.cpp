@@ -11,7 +11,7 @@
 #include "io/raw_file.h"
 #include "io/rig_file.h"
 #include "io/take.h"
-#include "sim/truth_files.h"
+#include "sim/visibility.h"
 
 namespace sole::app {
 namespace {
@@ -24,9 +24,33 @@ sim::RenderOptions OptionsFor(const RigConfig& config, std::uint64_t seed) {
 }
 
 sim::Scene SceneOf(const sim::MotionFrame& frame, const std::vector<Eigen::Vector3i>& triangles) {
+  sim::SceneMesh foot;
+  foot.mesh = {frame.foot.foot.vertices_m, triangles};
+  foot.material = sim::ReferenceFoot().vertices;
+  for (const sim::FootMaterial material : sim::FootMaterials()) {
+    foot.tone.push_back(material == sim::FootMaterial::kNail ? 1.15f : material == sim::FootMaterial::kCut ? 0.1f : 1.0f);
+  }
   sim::Scene scene;
-  scene.meshes.push_back({{frame.foot.foot.vertices_m, triangles}, {}, sim::ReferenceFoot().vertices});
+  scene.meshes.push_back(std::move(foot));
   return scene;
+}
+
+sim::TruthFrame TruthOf(const sim::MotionFrame& frame, const std::vector<Eigen::Vector3i>& triangles) {
+  const sim::LoadedFoot& foot = frame.foot;
+  sim::TruthFrame truth;
+  truth.mesh = {foot.foot.vertices_m, triangles};
+  truth.contact = foot.contact;
+  truth.pressure_pa = foot.pressure_pa;
+  truth.penetration_m = foot.penetration_m;
+  truth.load_n = foot.total_load_n;
+  truth.world_from_bone = foot.foot.world_from_rest;
+  return truth;
+}
+
+/// Measures of the subject standing at half body weight, as the survey took them.
+std::map<std::string, double> HalfWeightMeasures(const sim::Subject& subject) {
+  const sim::LoadedFoot standing = sim::StandOnPlate(subject, 0.5 * 9.81 * subject.weight_kg);
+  return sim::MeasureFoot(standing.foot.vertices_m, subject.side);
 }
 
 }  // namespace
@@ -36,6 +60,12 @@ Simulation::Simulation(const RigConfig& config, std::uint64_t seed)
       seed_(seed),
       renderer_(config, sim::DrawTrueRig(config, seed), OptionsFor(config, seed)),
       subject_(sim::DrawSubject(seed)) {}
+
+void Simulation::WriteTruth(const std::filesystem::path& directory) const {
+  const io::TakePaths take{directory};
+  sim::WriteTruthRig(take.TruthRig(), renderer_.Rig());
+  if (!truth_.frames.empty()) sim::WriteTruth(take, truth_);
+}
 
 RenderedTake Simulation::RenderCalibration(int poses) const {
   RenderedTake take;
@@ -61,12 +91,21 @@ RenderedTake Simulation::RenderMotion(const std::string& motion, int frames) {
   options.frames = frames;
   options.rate_hz = config_.trigger.rate_hz;
   options.seed = seed_;
-  motion_ = sim::MakeMotion(subject_, options);
+  const sim::FootMotion motion_frames = sim::MakeMotion(subject_, options);
+  truth_ = {};
+  truth_.side = subject_.side;
+  for (const PairConfig& pair : config_.pairs) truth_.pairs.push_back(pair.name);
+  for (const sim::BoneInfo& bone : sim::Bones(subject_)) truth_.bones.push_back(bone.name);
+  truth_.measures_mm = HalfWeightMeasures(subject_);
   RenderedTake take;
   Progress progress("render feet", frames);
-  for (const sim::MotionFrame& frame : motion_.frames) {
-    const sim::PreparedScene prepared = renderer_.Prepare(SceneOf(frame, motion_.triangles));
+  for (const sim::MotionFrame& frame : motion_frames.frames) {
+    const sim::PreparedScene prepared = renderer_.Prepare(SceneOf(frame, motion_frames.triangles));
     std::vector<ImageU8>& set = take.sets.emplace_back();
+    sim::TruthFrame truth = TruthOf(frame, motion_frames.triangles);
+    truth.trigger = static_cast<std::int64_t>(take.sets.size());
+    truth.visible = sim::VisibleToPairs(renderer_, prepared, 0, config_.pairs);
+    truth_.frames.push_back(std::move(truth));
     for (int c = 0; c < static_cast<int>(config_.cameras.size()); ++c) {
       set.push_back(renderer_.Render(prepared, c, seed_ + 1000000 + 1000 * take.sets.size()));
     }

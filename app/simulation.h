@@ -11,6 +11,7 @@
 #include "sim/camera_server.h"
 #include "sim/foot.h"
 #include "sim/renderer.h"
+#include "sim/truth_files.h"
 
 namespace sole::app {
 
@@ -38,7 +39,7 @@ class Simulation {
   std::uint64_t seed_;
   sim::Renderer renderer_;
   sim::Subject subject_;
-  sim::FootMotion motion_;
+  sim::TakeTruth truth_;  ///< of the motion rendered last
 };
 
 /// Serves the rendered images as GigE Vision cameras on loopback; sets are repeated in a cycle.
