@@ -27,10 +27,10 @@ TakeTruth ReadTruth(const std::filesystem::path& directory) {
   const io::Npz npz = io::ReadNpz(take.Truth());
   TakeTruth truth;
   truth.side = io::StringFrom(npz, "side") == "left" ? Side::kLeft : Side::kRight;
-  const std::vector<int> triggers = io::IntsFrom(npz, "trigger");
+  const std::vector<int> triggers = io::IntsFrom(npz, "frames");
   const std::vector<std::size_t>& shape = io::ShapeOf(npz, "visible");  // frames, pairs, vertices
   Require(shape.size() == 3 && shape[0] == triggers.size(),
-          take.Truth().string() + ": 'visible' does not fit 'trigger'");
+          take.Truth().string() + ": 'visible' does not fit 'frames'");
   const std::vector<std::uint8_t>& visible = npz.at("visible").bytes;
   Require(visible.size() == shape[0] * shape[1] * shape[2], take.Truth().string() + ": 'visible' is not of bytes");
   for (std::size_t f = 0; f < triggers.size(); ++f) {
