@@ -23,7 +23,8 @@ class Marker {
       : camera_(camera),
         plate_(plate),
         centre_(camera.Centre()),
-        blocks_((camera.width + kBlock - 1) / kBlock, (camera.height + kBlock - 1) / kBlock, kNothing) {}
+        blocks_((camera.width + kBlock - 1) / kBlock, (camera.height + kBlock - 1) / kBlock,
+                kNothing) {}
 
   Projected Project(const Vector3d& point) const {
     return PixelOfDirection(camera_, PathBetween(plate_, centre_, point).leaving);
@@ -43,7 +44,8 @@ class Marker {
     }
     if (low.x() > high.x()) return;
     const auto block = [](double value, int count) {
-      return static_cast<int>(std::clamp(std::floor(value / kBlock), -1.0, static_cast<double>(count)));
+      return static_cast<int>(
+          std::clamp(std::floor(value / kBlock), -1.0, static_cast<double>(count)));
     };
     const int x0 = std::max(block(low.x() - kMargin_px, blocks_.width), 0);
     const int x1 = std::min(block(high.x() + kMargin_px, blocks_.width), blocks_.width - 1);
@@ -69,7 +71,8 @@ void MarkMesh(const LitMesh& mesh, bool mirror, Marker& marker) {
     if (mirror) mirrored[i] = marker.ProjectMirrored(mesh.vertices[i]);
   });
   for (const Eigen::Vector3i& t : mesh.triangles) {
-    const auto a = static_cast<std::size_t>(t[0]), b = static_cast<std::size_t>(t[1]), c = static_cast<std::size_t>(t[2]);
+    const auto a = static_cast<std::size_t>(t[0]), b = static_cast<std::size_t>(t[1]),
+               c = static_cast<std::size_t>(t[2]);
     marker.Mark({&direct[a], &direct[b], &direct[c]}, kBodies);
     if (mirror) marker.Mark({&mirrored[a], &mirrored[b], &mirrored[c]}, kBodies);
   }
@@ -90,7 +93,8 @@ void MarkCube(const Rigid3& world_from_target, double edge_m, bool mirror, Marke
 
 void MarkSquare(double x, double y, double half, Marker& marker) {
   Projected corners[4];
-  for (int i = 0; i < 4; ++i) corners[i] = marker.Project({x + (i & 1 ? half : -half), y + (i & 2 ? half : -half), 0});
+  for (int i = 0; i < 4; ++i)
+    corners[i] = marker.Project({x + (i & 1 ? half : -half), y + (i & 2 ? half : -half), 0});
   marker.Mark({corners, corners + 1, corners + 2, corners + 3}, kMarks);
 }
 
@@ -101,12 +105,15 @@ Image<std::uint8_t> FindContent(const Renderer::State& renderer, const PreparedS
   Marker marker(camera, renderer.rig.plate);
   const bool mirror = renderer.options.reflections;
   for (const LitMesh& mesh : scene.meshes) MarkMesh(mesh, mirror, marker);
-  if (scene.world_from_target) MarkCube(*scene.world_from_target, renderer.target.edge_m, mirror, marker);
+  if (scene.world_from_target)
+    MarkCube(*scene.world_from_target, renderer.target.edge_m, mirror, marker);
   if (scene.fiducials) {
-    for (const Fiducial& f : renderer.fiducials) MarkSquare(f.centre_m.x(), f.centre_m.y(), FiducialPatchHalf(f), marker);
+    for (const Fiducial& f : renderer.fiducials)
+      MarkSquare(f.centre_m.x(), f.centre_m.y(), FiducialPatchHalf(f), marker);
   }
   if (scene.dust) {
-    for (const Dust& speck : renderer.dust) MarkSquare(speck.centre_m.x(), speck.centre_m.y(), speck.radius_m, marker);
+    for (const Dust& speck : renderer.dust)
+      MarkSquare(speck.centre_m.x(), speck.centre_m.y(), speck.radius_m, marker);
   }
   return marker.Take();
 }

@@ -46,7 +46,8 @@ LightRay RayOfPixel(const TrueCamera& camera, const Vector2d& pixel) {
     const LensValue lens = Lens(camera, x, y);
     const double ex = lens.x - u, ey = lens.y - v;
     const double det = lens.dxx * lens.dyy - lens.dxy * lens.dyx;
-    const double sx = (lens.dyy * ex - lens.dxy * ey) / det, sy = (lens.dxx * ey - lens.dyx * ex) / det;
+    const double sx = (lens.dyy * ex - lens.dxy * ey) / det,
+                 sy = (lens.dxx * ey - lens.dyx * ex) / det;
     x -= sx;
     y -= sy;
     if (std::abs(sx) + std::abs(sy) < 1e-9) break;  // the next step would be below 1e-16
@@ -85,7 +86,8 @@ PlateCrossing CrossPlate(const TruePlate& plate, const LightRay& ray) {
   const bool upwards = ray.direction.z() > 0;
   const double near_z = upwards ? -plate.thickness_m : 0, far_z = upwards ? 0 : -plate.thickness_m;
   if (std::abs(ray.direction.z()) < 1e-9) return crossing;
-  if (upwards ? ray.origin.z() > near_z : ray.origin.z() < near_z) return crossing;  // it leads away
+  if (upwards ? ray.origin.z() > near_z : ray.origin.z() < near_z)
+    return crossing;  // it leads away
   crossing.near_point = AtHeight(ray, near_z);
   if (!OnFace(plate, crossing.near_point)) {
     if (OnFace(plate, AtHeight(ray, far_z))) crossing.kind = PlateCrossing::Kind::kEdge;
@@ -120,7 +122,8 @@ LightPath PathBetween(const TruePlate& plate, const Vector3d& from, const Vector
     return air * s / std::sqrt(1 - s * s) + t * s / std::sqrt(n2 - s * s) - lateral;
   };
   // Bracket: zero is too small, the sine of the straight line through all that air too large.
-  double a = 0, fa = -lateral, b = std::min(1 - 1e-12, lateral / std::hypot(lateral, air)), fb = excess(b);
+  double a = 0, fa = -lateral, b = std::min(1 - 1e-12, lateral / std::hypot(lateral, air)),
+         fb = excess(b);
   double sine = b, f = fb;
   for (int i = 0, last = 0; i < 100 && std::abs(f) > 1e-14 && b - a > 1e-16; ++i) {
     sine = (a * fb - b * fa) / (fb - fa);

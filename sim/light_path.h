@@ -14,48 +14,54 @@ struct LightRay {
   Eigen::Vector3d direction;
 };
 
-/// Ray of `pixel` in the world frame, starting at the camera's centre, before any glass. The lens is inverted
-/// by Newton's method to 1e-13.
+/// Ray of `pixel` in the world frame, starting at the camera's centre, before any glass. The lens
+/// is inverted by Newton's method to 1e-13.
 LightRay RayOfPixel(const TrueCamera& camera, const Eigen::Vector2d& pixel);
 
 /// Pixel at which light that travels from a world direction into the camera's centre is imaged;
-/// `towards` points from the centre to the scene. Empty behind the camera or beyond the lens model's range.
-std::optional<Eigen::Vector2d> PixelOfDirection(const TrueCamera& camera, const Eigen::Vector3d& towards);
+/// `towards` points from the centre to the scene. Empty behind the camera or beyond the lens
+/// model's range.
+std::optional<Eigen::Vector2d> PixelOfDirection(const TrueCamera& camera,
+                                                const Eigen::Vector3d& towards);
 
-/// Snell's law in vector form: `direction` and `normal` have unit length, the normal points to the side the
-/// light comes from, `ratio` is the index before over the index behind. Empty at total reflection.
-std::optional<Eigen::Vector3d> Refract(const Eigen::Vector3d& direction, const Eigen::Vector3d& normal,
-                                       double ratio);
+/// Snell's law in vector form: `direction` and `normal` have unit length, the normal points to the
+/// side the light comes from, `ratio` is the index before over the index behind. Empty at total
+/// reflection.
+std::optional<Eigen::Vector3d> Refract(const Eigen::Vector3d& direction,
+                                       const Eigen::Vector3d& normal, double ratio);
 
-/// Fresnel reflectance of unpolarised light; `cosine` of the angle of incidence, `ratio` = index behind over
-/// index before.
+/// Fresnel reflectance of unpolarised light; `cosine` of the angle of incidence, `ratio` = index
+/// behind over index before.
 double FresnelReflectance(double cosine, double ratio);
 
 /// What a ray meets on its way to the other side of the plate.
 struct PlateCrossing {
   enum class Kind { kMisses, kEdge, kThrough };
-  Kind kind = Kind::kMisses;       ///< beside the plate, into its ground edge, or through both faces
-  Eigen::Vector3d near_point;      ///< where it meets the nearer face
-  Eigen::Vector3d far_point;       ///< where it leaves the other face
-  Eigen::Vector3d direction;       ///< behind the plate
-  double near_transmittance = 1;   ///< of the nearer face
+  Kind kind = Kind::kMisses;      ///< beside the plate, into its ground edge, or through both faces
+  Eigen::Vector3d near_point;     ///< where it meets the nearer face
+  Eigen::Vector3d far_point;      ///< where it leaves the other face
+  Eigen::Vector3d direction;      ///< behind the plate
+  double near_transmittance = 1;  ///< of the nearer face
   double far_transmittance = 1;
 };
 
 /// Follows a ray that starts outside the plate. Kind kMisses leaves the other fields unset.
 PlateCrossing CrossPlate(const TruePlate& plate, const LightRay& ray);
 
-/// The way of light between two points: straight where no glass lies between, else through both faces.
+/// The way of light between two points: straight where no glass lies between, else through both
+/// faces.
 struct LightPath {
   Eigen::Vector3d leaving;   ///< unit direction at `from`, towards `to`
   Eigen::Vector3d arriving;  ///< unit direction of travel at `to`
   double length_m = 0;       ///< geometric
   double transmittance = 1;
-  bool clear = true;         ///< false if it meets the plate's edge
+  bool clear = true;  ///< false if it meets the plate's edge
 };
 
-/// Path from a point outside the glass to a point at or outside its faces. Through the glass by a bracketed
-/// search for the sine of the angle in air that makes the lateral distances of both media add up (to 1e-14 m).
-LightPath PathBetween(const TruePlate& plate, const Eigen::Vector3d& from, const Eigen::Vector3d& to);
+/// Path from a point outside the glass to a point at or outside its faces. Through the glass by a
+/// bracketed search for the sine of the angle in air that makes the lateral distances of both media
+/// add up (to 1e-14 m).
+LightPath PathBetween(const TruePlate& plate, const Eigen::Vector3d& from,
+                      const Eigen::Vector3d& to);
 
 }  // namespace sole::sim

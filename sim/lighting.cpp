@@ -11,15 +11,16 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kDotPixels = 4;            // mean dot diameter in the images, about
-constexpr double kPowerAbove = 0.34;        // of a projector, at 1 m
-constexpr double kPowerBelow = 0.52;        // fewer of them overlap, and the glass takes its share
-constexpr double kPanelPower = 0.095;       // of a panel's half, at 1 m
-constexpr double kAmbient = 0.02;           // room light
+constexpr double kDotPixels = 4;       // mean dot diameter in the images, about
+constexpr double kPowerAbove = 0.34;   // of a projector, at 1 m
+constexpr double kPowerBelow = 0.52;   // fewer of them overlap, and the glass takes its share
+constexpr double kPanelPower = 0.095;  // of a panel's half, at 1 m
+constexpr double kAmbient = 0.02;      // room light
 
 Eigen::Matrix3d LookAt(const Vector3d& from, const Vector3d& to) {
   const Vector3d z = (to - from).normalized();
-  const Vector3d x = z.cross(std::abs(z.y()) < 0.9 ? Vector3d::UnitY() : Vector3d::UnitX()).normalized();
+  const Vector3d x =
+      z.cross(std::abs(z.y()) < 0.9 ? Vector3d::UnitY() : Vector3d::UnitX()).normalized();
   Eigen::Matrix3d rotation;
   rotation.row(0) = x;
   rotation.row(1) = z.cross(x);
@@ -28,7 +29,7 @@ Eigen::Matrix3d LookAt(const Vector3d& from, const Vector3d& to) {
 }
 
 std::vector<Vector3d> PanelPoints() {
-  const Vector3d centres[] = {{0.45, 0.45, 0.65},  {-0.45, 0.45, 0.65},  {0.45, -0.45, 0.65},
+  const Vector3d centres[] = {{0.45, 0.45, 0.65},   {-0.45, 0.45, 0.65},  {0.45, -0.45, 0.65},
                               {-0.45, -0.45, 0.65}, {0.75, 0, 0.20},      {-0.75, 0, 0.20},
                               {0, 0.80, 0.20},      {0, -0.80, 0.20},     {0.35, 0.35, -0.70},
                               {-0.35, 0.35, -0.70}, {0.35, -0.35, -0.70}, {-0.35, -0.35, -0.70}};
@@ -60,19 +61,22 @@ std::size_t Lighting::Stride(ExposureKind kind) const {
 }
 
 double Lighting::Strength(const SceneTracer& tracer, const Vector3d& lamp, const Vector3d& point,
-                          const Vector3d& normal, bool two_sided, double clearance_m, Vector3d* leaving) const {
+                          const Vector3d& normal, bool two_sided, double clearance_m,
+                          Vector3d* leaving) const {
   const LightPath path = PathBetween(plate_, lamp, point);
   *leaving = path.leaving;
   double cosine = -path.arriving.dot(normal);
   if (two_sided) cosine = 0.6 * std::abs(cosine);  // frosted glass scatters to both sides
   if (cosine <= 0 || !path.clear) return 0;
-  // Bodies stand above the glass, so the last, straight piece of the path is the one that may be blocked.
+  // Bodies stand above the glass, so the last, straight piece of the path is the one that may be
+  // blocked.
   if (tracer.Blocked({point, -path.arriving}, clearance_m, path.length_m)) return 0;
   return cosine * path.transmittance / (path.length_m * path.length_m);
 }
 
 void Lighting::At(const SceneTracer& tracer, ExposureKind kind, const Vector3d& point,
-                  const Vector3d& normal, bool two_sided, double clearance_m, LampLight* out) const {
+                  const Vector3d& normal, bool two_sided, double clearance_m,
+                  LampLight* out) const {
   Vector3d leaving;
   if (kind == ExposureKind::kTexture) {
     double sum = 0;
@@ -83,7 +87,8 @@ void Lighting::At(const SceneTracer& tracer, ExposureKind kind, const Vector3d& 
     return;
   }
   for (const Lamp& lamp : projectors_) {
-    const double strength = Strength(tracer, lamp.position, point, normal, two_sided, clearance_m, &leaving);
+    const double strength =
+        Strength(tracer, lamp.position, point, normal, two_sided, clearance_m, &leaving);
     const Vector3d slide = lamp.lamp_from_world * leaving;
     *out++ = slide.z() > 0.05 ? LampLight{static_cast<float>(slide.x() / slide.z()),
                                           static_cast<float>(slide.y() / slide.z()),

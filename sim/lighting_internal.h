@@ -11,7 +11,8 @@
 
 namespace sole::sim {
 
-/// Light of one lamp on one point: where on the lamp's slide it comes from and how strong it is without the slide.
+/// Light of one lamp on one point: where on the lamp's slide it comes from and how strong it is
+/// without the slide.
 struct LampLight {
   float u = 0, v = 0, weight = 0;
 };
@@ -23,23 +24,26 @@ struct Lamp {
   double power;  ///< irradiance at 1 m on a white surface that faces the lamp
 };
 
-/// The rig's lamps. Light is computed at chosen points only (mesh vertices, grids on the cube and on the glass), exactly:
-/// refraction by the plate, Fresnel losses, distance, cosine, shadow. Between them the place on the slide
-/// and the strength are interpolated, so that the pattern is one fixed function of the surface during an exposure.
+/// The rig's lamps. Light is computed at chosen points only (mesh vertices, grids on the cube and
+/// on the glass), exactly: refraction by the plate, Fresnel losses, distance, cosine, shadow.
+/// Between them the place on the slide and the strength are interpolated, so that the pattern is
+/// one fixed function of the surface during an exposure.
 class Lighting {
  public:
   Lighting(const RigConfig& config, const TruePlate& plate, std::uint64_t seed);
 
   /// Values per point that At() writes: one per projector, or one in all for texture exposures.
   std::size_t Stride(ExposureKind kind) const;
-  /// `two_sided` surfaces scatter light that arrives from behind, too. `clearance_m` steps over the surface itself.
+  /// `two_sided` surfaces scatter light that arrives from behind, too. `clearance_m` steps over the
+  /// surface itself.
   void At(const SceneTracer& tracer, ExposureKind kind, const Eigen::Vector3d& point,
           const Eigen::Vector3d& normal, bool two_sided, double clearance_m, LampLight* out) const;
   const std::vector<Lamp>& Projectors() const { return projectors_; }
 
  private:
-  double Strength(const SceneTracer& tracer, const Eigen::Vector3d& lamp, const Eigen::Vector3d& point,
-                  const Eigen::Vector3d& normal, bool two_sided, double clearance_m, Eigen::Vector3d* leaving) const;
+  double Strength(const SceneTracer& tracer, const Eigen::Vector3d& lamp,
+                  const Eigen::Vector3d& point, const Eigen::Vector3d& normal, bool two_sided,
+                  double clearance_m, Eigen::Vector3d* leaving) const;
 
   TruePlate plate_;
   std::vector<Lamp> projectors_;

@@ -12,10 +12,10 @@ using Eigen::Vector3f;
 
 constexpr float kCeiling = 0.014f;
 constexpr float kFloor = 0.006f;
-constexpr float kGroundEdge = 0.02f;     // the plate's matt edge
-constexpr float kLampRadiance = 12;      // of a projector's lens, looking into it
+constexpr float kGroundEdge = 0.02f;  // the plate's matt edge
+constexpr float kLampRadiance = 12;   // of a projector's lens, looking into it
 constexpr double kLampRadius_m = 0.004;
-constexpr double kBackOff_m = 0.001;     // a ray behind the glass starts this much inside of it
+constexpr double kBackOff_m = 0.001;  // a ray behind the glass starts this much inside of it
 constexpr double kContact_m = 0.0001;
 constexpr float kGloss = 0.06f;
 
@@ -29,9 +29,12 @@ Sample Bare(float radiance) {
 
 float PrintedAlbedo(const Renderer::State& renderer, int surface, const Eigen::Vector2d& print) {
   if (surface <= FiducialSurface(0)) {
-    return AlbedoOnFiducial(renderer.fiducials[static_cast<std::size_t>(FiducialSurface(0) - surface)], print.x(), print.y());
+    return AlbedoOnFiducial(
+        renderer.fiducials[static_cast<std::size_t>(FiducialSurface(0) - surface)], print.x(),
+        print.y());
   }
-  const CharucoFace& board = renderer.target.faces[static_cast<std::size_t>(BoardSurface(0) - surface)];
+  const CharucoFace& board =
+      renderer.target.faces[static_cast<std::size_t>(BoardSurface(0) - surface)];
   const double half = 0.5 * renderer.target.edge_m;
   if (std::abs(print.x() - 0.5 * board.squares_x * board.square_m) > half ||
       std::abs(print.y() - 0.5 * board.squares_y * board.square_m) > half) {
@@ -102,7 +105,8 @@ Sample PathTracer::ShadeCube(const SceneHit& hit) const {
     const Rigid3& board_from_body = r_.board_from_body[static_cast<std::size_t>(board)];
     sample.print = (board_from_body * hit.in_body).head<2>();
     sample.surface = BoardSurface(board);
-    sample.albedo = AlbedoOnBoard(r_.target.faces[static_cast<std::size_t>(board)], sample.print.x(), sample.print.y());
+    sample.albedo = AlbedoOnBoard(r_.target.faces[static_cast<std::size_t>(board)],
+                                  sample.print.x(), sample.print.y());
   }
   return sample;
 }
@@ -116,14 +120,16 @@ Sample PathTracer::ShadeMesh(const LightRay& ray, const SceneHit& hit) const {
   float tone = 0;
   for (int i = 0; i < 3; ++i) {
     const auto v = static_cast<std::size_t>(triangle[i]);
-    points[i] = {&mesh.light[v * s_.stride], weights[i]};
+    points[i] = {mesh.light.data() + v * s_.stride, weights[i]};
     normal += weights[i] * mesh.normals[v];
     material += weights[i] * mesh.material[v];
     tone += weights[i] * mesh.tone[v];
   }
   const float light = MixLight(r_.lighting, s_.exposure, points, 3);
-  // A weak lobe around the mirror direction, strongest at grazing view; wetted skin on the glass has none.
-  const float cosine = std::clamp(-normal.normalized().dot(ray.direction.cast<float>()), 0.0f, 1.0f);
+  // A weak lobe around the mirror direction, strongest at grazing view; wetted skin on the glass
+  // has none.
+  const float cosine =
+      std::clamp(-normal.normalized().dot(ray.direction.cast<float>()), 0.0f, 1.0f);
   const float sheen = (1 - cosine) * (1 - cosine);
   Sample sample;
   sample.light = light;
@@ -134,9 +140,12 @@ Sample PathTracer::ShadeMesh(const LightRay& ray, const SceneHit& hit) const {
 
 Sample PathTracer::Shade(const LightRay& ray, const SceneHit& hit) const {
   switch (hit.kind) {
-    case SceneHit::Kind::kMesh: return ShadeMesh(ray, hit);
-    case SceneHit::Kind::kCube: return ShadeCube(hit);
-    case SceneHit::Kind::kNone: break;
+    case SceneHit::Kind::kMesh:
+      return ShadeMesh(ray, hit);
+    case SceneHit::Kind::kCube:
+      return ShadeCube(hit);
+    case SceneHit::Kind::kNone:
+      break;
   }
   return Bare(Background(ray));
 }
@@ -183,7 +192,8 @@ Sample PathTracer::FromAbove(const LightRay& ray, bool bodies) const {
   const auto through = into * static_cast<float>(crossing.far_transmittance);
   sample = Bare(through * Background({crossing.far_point, crossing.direction}));
   if (r_.options.reflections) {
-    const LightRay mirrored{crossing.near_point, {ray.direction.x(), ray.direction.y(), -ray.direction.z()}};
+    const LightRay mirrored{crossing.near_point,
+                            {ray.direction.x(), ray.direction.y(), -ray.direction.z()}};
     const SceneHit seen = bodies ? s_.tracer.Nearest(mirrored, kContact_m) : SceneHit{};
     // Both faces mirror; the lower one's image lies 2 t / n deeper and is left to lamps only.
     sample.extra += (1 - into) * Shade(mirrored, seen).Radiance();
@@ -195,7 +205,8 @@ Sample PathTracer::FromAbove(const LightRay& ray, bool bodies) const {
 }
 
 Sample PathTracer::Trace(const LightRay& ray, bool bodies) const {
-  return ray.direction.z() > 0 && ray.origin.z() < 0 ? FromBelow(ray, bodies) : FromAbove(ray, bodies);
+  return ray.direction.z() > 0 && ray.origin.z() < 0 ? FromBelow(ray, bodies)
+                                                     : FromAbove(ray, bodies);
 }
 
 }  // namespace sole::sim

@@ -34,7 +34,8 @@ std::vector<int> FacesBySide(const CalibrationBody& target) {
 LitMesh CheckedMesh(const SceneMesh& body) {
   const auto count = static_cast<int>(body.mesh.vertices.size());
   for (const Eigen::Vector3i& t : body.mesh.triangles) {
-    Require(t.minCoeff() >= 0 && t.maxCoeff() < count, "renderer: a triangle names a vertex the mesh lacks");
+    Require(t.minCoeff() >= 0 && t.maxCoeff() < count,
+            "renderer: a triangle names a vertex the mesh lacks");
   }
   Require(body.normals.empty() || body.normals.size() == body.mesh.vertices.size(),
           "renderer: a mesh needs one normal per vertex, or none");
@@ -45,8 +46,10 @@ LitMesh CheckedMesh(const SceneMesh& body) {
   LitMesh lit;
   lit.triangles = body.mesh.triangles;
   lit.vertices = body.mesh.vertices;
-  const std::vector<Vector3d> normals = body.normals.empty() ? VertexNormals(body.mesh) : body.normals;
-  const std::vector<Vector3d>& material = body.material.empty() ? body.mesh.vertices : body.material;
+  const std::vector<Vector3d> normals =
+      body.normals.empty() ? VertexNormals(body.mesh) : body.normals;
+  const std::vector<Vector3d>& material =
+      body.material.empty() ? body.mesh.vertices : body.material;
   for (const Vector3d& n : normals) lit.normals.push_back(n.cast<float>());
   for (const Vector3d& m : material) lit.material.push_back(m.cast<float>());
   lit.tone = body.tone;
@@ -54,32 +57,38 @@ LitMesh CheckedMesh(const SceneMesh& body) {
   return lit;
 }
 
-/// Sixteen points of a pixel, each alone in its sixteenth of the width and of the height; the first four
-/// likewise in quarters.
+/// Sixteen points of a pixel, each alone in its sixteenth of the width and of the height; the first
+/// four likewise in quarters.
 struct SamplePoints {
   std::array<Vector2d, 4> few;
   std::array<Vector2d, 16> many;
   SamplePoints() {
-    few = {Vector2d(-0.375, -0.125), Vector2d(-0.125, 0.375), Vector2d(0.125, -0.375), Vector2d(0.375, 0.125)};
-    for (int i = 0; i < 16; ++i) many[static_cast<std::size_t>(i)] = {(i + 0.5) / 16 - 0.5, ((i * 5 + 2) % 16 + 0.5) / 16 - 0.5};
+    few = {Vector2d(-0.375, -0.125), Vector2d(-0.125, 0.375), Vector2d(0.125, -0.375),
+           Vector2d(0.375, 0.125)};
+    for (int i = 0; i < 16; ++i)
+      many[static_cast<std::size_t>(i)] = {(i + 0.5) / 16 - 0.5,
+                                           ((i * 5 + 2) % 16 + 0.5) / 16 - 0.5};
   }
 };
 
-/// Mean albedo over a pixel that lies on one printed surface, from where four rays of the pixel met it: within a
-/// pixel the image of a plane is affine to 1e-6. Far finer than rays, so that edges stand where they are.
-/// Negative if the pixel reaches the surface's edge.
-float MeanAlbedo(const Renderer::State& renderer, const std::array<Sample, 4>& samples, const SamplePoints& points) {
+/// Mean albedo over a pixel that lies on one printed surface, from where four rays of the pixel met
+/// it: within a pixel the image of a plane is affine to 1e-6. Far finer than rays, so that edges
+/// stand where they are. Negative if the pixel reaches the surface's edge.
+float MeanAlbedo(const Renderer::State& renderer, const std::array<Sample, 4>& samples,
+                 const SamplePoints& points) {
   Vector2d centre = Vector2d::Zero();
   Eigen::Matrix2d print_from_pixel = Eigen::Matrix2d::Zero();
   for (std::size_t i = 0; i < 4; ++i) {
     centre += 0.25 * samples[i].print;
-    print_from_pixel += samples[i].print * points.few[i].transpose() / 0.3125;  // sum of offset * offset' = 0.3125 I
+    print_from_pixel += samples[i].print * points.few[i].transpose() /
+                        0.3125;  // sum of offset * offset' = 0.3125 I
   }
   const int surface = samples[0].surface;
   float low = 2, high = -1;
-  for (int i = 0; i < 9; ++i) {  // cells are far wider than pixels: nothing hides between these points
-    const float albedo =
-        PrintedAlbedo(renderer, surface, centre + print_from_pixel * Vector2d(i % 3 - 1, i / 3 - 1));
+  for (int i = 0; i < 9;
+       ++i) {  // cells are far wider than pixels: nothing hides between these points
+    const float albedo = PrintedAlbedo(renderer, surface,
+                                       centre + print_from_pixel * Vector2d(i % 3 - 1, i / 3 - 1));
     low = std::min(low, albedo);
     high = std::max(high, albedo);
   }
@@ -93,10 +102,10 @@ float MeanAlbedo(const Renderer::State& renderer, const std::array<Sample, 4>& s
   return sum / (kSide * kSide);
 }
 
-/// Mean radiance of a pixel where something can be seen: four rays; then the mean of the print, or sixteen rays where the
-/// four differ at a hard edge.
-float PixelRadiance(const Renderer::State& renderer, const PathTracer& tracer, const TrueCamera& camera, int x, int y,
-                    std::uint8_t content) {
+/// Mean radiance of a pixel where something can be seen: four rays; then the mean of the print, or
+/// sixteen rays where the four differ at a hard edge.
+float PixelRadiance(const Renderer::State& renderer, const PathTracer& tracer,
+                    const TrueCamera& camera, int x, int y, std::uint8_t content) {
   static const SamplePoints points;
   const bool bodies = (content & kBodies) != 0;
   const Vector2d pixel(x, y);
@@ -120,13 +129,15 @@ float PixelRadiance(const Renderer::State& renderer, const PathTracer& tracer, c
   }
   if (high - low < 0.02f) return mean;
   float sum = 0;
-  for (const Vector2d& offset : points.many) sum += tracer.Trace(RayOfPixel(camera, pixel + offset), bodies).Radiance();
+  for (const Vector2d& offset : points.many)
+    sum += tracer.Trace(RayOfPixel(camera, pixel + offset), bodies).Radiance();
   return sum / 16;
 }
 
-/// Fills a block of nothing but background: evenly from a few rays if these agree, else with a ray per pixel (lamps, the
-/// plate's edge).
-void FillBackground(const PathTracer& tracer, const TrueCamera& camera, int x0, int y0, int x1, int y1, ImageF& radiance) {
+/// Fills a block of nothing but background: evenly from a few rays if these agree, else with a ray
+/// per pixel (lamps, the plate's edge).
+void FillBackground(const PathTracer& tracer, const TrueCamera& camera, int x0, int y0, int x1,
+                    int y1, ImageF& radiance) {
   float low = std::numeric_limits<float>::infinity(), high = -low;
   for (int i = 0; i < 9; ++i) {
     const Vector2d pixel(x0 - 0.5 + 0.5 * (i % 3) * kBlock, y0 - 0.5 + 0.5 * (i / 3) * kBlock);
@@ -137,7 +148,8 @@ void FillBackground(const PathTracer& tracer, const TrueCamera& camera, int x0, 
   const bool even = high - low < 1e-4f;
   for (int y = y0; y < y1; ++y) {
     for (int x = x0; x < x1; ++x) {
-      radiance.At(x, y) = even ? 0.5f * (low + high) : tracer.Trace(RayOfPixel(camera, Vector2d(x, y)), false).Radiance();
+      radiance.At(x, y) = even ? 0.5f * (low + high)
+                               : tracer.Trace(RayOfPixel(camera, Vector2d(x, y)), false).Radiance();
     }
   }
 }
@@ -149,28 +161,33 @@ PreparedScene::~PreparedScene() = default;
 PreparedScene::PreparedScene(PreparedScene&&) noexcept = default;
 PreparedScene& PreparedScene::operator=(PreparedScene&&) noexcept = default;
 
-Renderer::State::State(const RigConfig& config, const TrueRig& true_rig, const RenderOptions& render_options)
+Renderer::State::State(const RigConfig& config, const TrueRig& true_rig,
+                       const RenderOptions& render_options)
     : rig(true_rig),
       options(render_options),
       lighting(config, true_rig.plate, render_options.seed),
-      target(MakeCalibrationCube(config.target.edge_m, config.target.squares, config.target.square_m,
-                                 config.target.marker_m)),
+      target(MakeCalibrationCube(config.target.edge_m, config.target.squares,
+                                 config.target.square_m, config.target.marker_m)),
       target_face(FacesBySide(target)),
       fiducials(config.plate.fiducials),
       dust(ScatterDust(true_rig.plate, render_options.seed)),
       dust_cells(SortDust(true_rig.plate, dust)) {
-  for (const CharucoFace& face : target.faces) board_from_body.push_back(face.body_from_board.Inverse());
+  for (const CharucoFace& face : target.faces)
+    board_from_body.push_back(face.body_from_board.Inverse());
 }
 
 Renderer::Renderer(const RigConfig& config, const TrueRig& rig, const RenderOptions& options)
     : state_(std::make_unique<const State>(config, rig, options)) {
-  Require(config.cameras.size() == rig.cameras.size(), "renderer: the true rig belongs to another rig file");
+  Require(config.cameras.size() == rig.cameras.size(),
+          "renderer: the true rig belongs to another rig file");
   Require(options.noise >= 0, "renderer: noise must not be negative");
 }
 
 Renderer::~Renderer() = default;
 
-const TrueRig& Renderer::Rig() const { return state_->rig; }
+const TrueRig& Renderer::Rig() const {
+  return state_->rig;
+}
 
 PreparedScene Renderer::Prepare(const Scene& scene) const {
   std::vector<LitMesh> meshes;
@@ -182,14 +199,17 @@ PreparedScene Renderer::Prepare(const Scene& scene) const {
   prepared->dust = scene.dust;
   prepared->stride = state_->lighting.Stride(scene.exposure);
   prepared->meshes = std::move(meshes);
-  for (LitMesh& mesh : prepared->meshes) LightMesh(state_->lighting, prepared->tracer, scene.exposure, mesh);
+  for (LitMesh& mesh : prepared->meshes)
+    LightMesh(state_->lighting, prepared->tracer, scene.exposure, mesh);
   if (scene.world_from_target) {
     for (int face = 0; face < 6; ++face) {
       prepared->cube.push_back(LightCubeFace(state_->lighting, prepared->tracer, scene.exposure,
-                                             *scene.world_from_target, state_->target.edge_m, face));
+                                             *scene.world_from_target, state_->target.edge_m,
+                                             face));
     }
   }
-  prepared->glass = LightGlass(state_->lighting, prepared->tracer, scene.exposure, state_->rig.plate);
+  prepared->glass =
+      LightGlass(state_->lighting, prepared->tracer, scene.exposure, state_->rig.plate);
   return PreparedScene(std::move(prepared));
 }
 
@@ -200,22 +220,29 @@ ImageU8 Renderer::Render(const PreparedScene& scene, int camera, std::uint64_t s
   const Image<std::uint8_t> content = FindContent(*state_, scene.Get(), view);
   const PathTracer tracer(*state_, scene.Get());
   ImageF radiance(view.width, view.height);
-  tbb::parallel_for(tbb::blocked_range2d<int>(0, content.height, 2, 0, content.width, 16), [&](const auto& range) {
-    for (int by = range.rows().begin(); by < range.rows().end(); ++by) {
-      for (int bx = range.cols().begin(); bx < range.cols().end(); ++bx) {
-        const std::uint8_t what = content.At(bx, by);
-        const int x1 = std::min((bx + 1) * kBlock, view.width), y1 = std::min((by + 1) * kBlock, view.height);
-        if (what == kNothing) {
-          FillBackground(tracer, view, bx * kBlock, by * kBlock, x1, y1, radiance);
-          continue;
-        }
-        for (int y = by * kBlock; y < y1; ++y) {
-          for (int x = bx * kBlock; x < x1; ++x) radiance.At(x, y) = PixelRadiance(*state_, tracer, view, x, y, what);
-        }
-      }
-    }
-  });
-  return Expose(view, radiance, state_->options.noise, seed);
+  tbb::parallel_for(tbb::blocked_range2d<int>(0, content.height, 2, 0, content.width, 16),
+                    [&](const auto& range) {
+                      for (int by = range.rows().begin(); by < range.rows().end(); ++by) {
+                        for (int bx = range.cols().begin(); bx < range.cols().end(); ++bx) {
+                          const std::uint8_t what = content.At(bx, by);
+                          const int x1 = std::min((bx + 1) * kBlock, view.width),
+                                    y1 = std::min((by + 1) * kBlock, view.height);
+                          if (what == kNothing) {
+                            FillBackground(tracer, view, bx * kBlock, by * kBlock, x1, y1,
+                                           radiance);
+                            continue;
+                          }
+                          for (int y = by * kBlock; y < y1; ++y) {
+                            for (int x = bx * kBlock; x < x1; ++x)
+                              radiance.At(x, y) = PixelRadiance(*state_, tracer, view, x, y, what);
+                          }
+                        }
+                      }
+                    });
+  // Cameras rendered with one seed must not share their noise.
+  constexpr std::uint64_t kStep = 0x9e3779b97f4a7c15ULL;
+  return Expose(view, radiance, state_->options.noise,
+                seed + kStep * static_cast<std::uint64_t>(camera));
 }
 
 }  // namespace sole::sim

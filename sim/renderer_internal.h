@@ -24,10 +24,10 @@ struct Renderer::State {
 
 /// Radiance of one ray: albedo * light + extra.
 struct Sample {
-  float light = 0;       ///< that falls on the surface, times what the glass lets through
-  float extra = 0;       ///< reflections on top of it, or all of a background's radiance
+  float light = 0;  ///< that falls on the surface, times what the glass lets through
+  float extra = 0;  ///< reflections on top of it, or all of a background's radiance
   float albedo = 0;
-  int surface = 0;       ///< 0 background, > 0 bodies, < 0 printed or etched: see PrintedAlbedo
+  int surface = 0;  ///< 0 background, > 0 bodies, < 0 printed or etched: see PrintedAlbedo
   Eigen::Vector2d print = Eigen::Vector2d::Zero();  ///< place on a printed surface, metres
 
   float Radiance() const { return albedo * light + extra; }
@@ -37,8 +37,12 @@ inline constexpr int kDustSurface = 1;
 inline constexpr int kBareCubeSurface = 2;
 inline constexpr int kFirstMeshSurface = 3;
 /// Surface numbers of the boards of the cube, and of fiducials.
-inline int BoardSurface(int board) { return -1 - board; }
-inline int FiducialSurface(int index) { return -100 - index; }
+inline int BoardSurface(int board) {
+  return -1 - board;
+}
+inline int FiducialSurface(int index) {
+  return -100 - index;
+}
 /// Albedo of a printed surface; negative beyond its edge.
 float PrintedAlbedo(const Renderer::State& renderer, int surface, const Eigen::Vector2d& print);
 

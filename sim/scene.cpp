@@ -19,7 +19,8 @@ std::vector<Rigid3> CalibrationPoses(int count, double edge_m, std::uint64_t see
   std::vector<Rigid3> poses;
   while (static_cast<int>(poses.size()) < count) {
     // Turns about z are spread evenly, so that even a few poses show every face to every camera.
-    const double turn = (360.0 * static_cast<double>(poses.size()) * 0.381966 + between(-20, 20)) * kDegree;
+    const double turn =
+        (360.0 * static_cast<double>(poses.size()) * 0.381966 + between(-20, 20)) * kDegree;
     const double tilt_axis = between(0, 2 * std::numbers::pi);
     const double tilt = between(5, 35) * kDegree;
     Rigid3 pose;

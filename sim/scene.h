@@ -17,8 +17,8 @@ struct SceneMesh {
   TriangleMesh mesh;
   /// Unit, one per vertex; computed from the mesh if empty.
   std::vector<Eigen::Vector3d> normals;
-  /// Material coordinates, metres, one per vertex (the same point of skin in its rest position): the skin's
-  /// texture hangs on them, so it moves with the skin. The vertices themselves if empty.
+  /// Material coordinates, metres, one per vertex (the same point of skin in its rest position):
+  /// the skin's texture hangs on them, so it moves with the skin. The vertices themselves if empty.
   std::vector<Eigen::Vector3d> material;
   /// Reflectance relative to skin, one per vertex (nails, a dark cut); all 1 if empty.
   std::vector<float> tone;
@@ -33,8 +33,9 @@ struct Scene {
   bool dust = true;       ///< specks on the glass top
 };
 
-/// Poses world_from_target of the cube in the capture volume: tilted up to 35 degrees, turned all round, centre at
-/// |x| < 0.08, |y| < 0.15, z 0.075 to 0.14, every corner at least 4 mm above the glass. The same seed gives the same poses.
+/// Poses world_from_target of the cube in the capture volume: tilted up to 35 degrees, turned all
+/// round, centre at |x| < 0.08, |y| < 0.15, z 0.075 to 0.14, every corner at least 4 mm above the
+/// glass. The same seed gives the same poses.
 std::vector<Rigid3> CalibrationPoses(int count, double edge_m, std::uint64_t seed);
 
 }  // namespace sole::sim

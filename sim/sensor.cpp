@@ -20,7 +20,8 @@ Kernel GaussianKernel(double sigma) {
   float sum = 0;
   for (int i = -kReach; i <= kReach; ++i) {
     const double x = sigma > 0 ? i / sigma : (i == 0 ? 0.0 : 1e3);
-    sum += kernel[static_cast<std::size_t>(i + kReach)] = static_cast<float>(std::exp(-0.5 * x * x));
+    sum += kernel[static_cast<std::size_t>(i + kReach)] =
+        static_cast<float>(std::exp(-0.5 * x * x));
   }
   for (float& weight : kernel) weight /= sum;
   return kernel;
@@ -33,8 +34,8 @@ std::uint64_t Mix(std::uint64_t x) {  // splitmix64
   return x ^ (x >> 31);
 }
 
-/// Standard normal deviates addressed by a counter: table lookup of the inverse distribution, so that a pixel's
-/// noise depends on nothing but the seed and its index.
+/// Standard normal deviates addressed by a counter: table lookup of the inverse distribution, so
+/// that a pixel's noise depends on nothing but the seed and its index.
 class NormalTable {
  public:
   NormalTable() {
@@ -88,7 +89,8 @@ ImageU8 Expose(const TrueCamera& camera, const ImageF& radiance, double noise, s
   ImageF rows(width, height);
   BlurRows(radiance, kernel, rows);
   ImageU8 image(width, height);
-  const double corner2 = 0.25 * (static_cast<double>(width) * width + static_cast<double>(height) * height);
+  const double corner2 =
+      0.25 * (static_cast<double>(width) * width + static_cast<double>(height) * height);
   tbb::parallel_for(tbb::blocked_range<int>(0, height, 32), [&](const auto& range) {
     std::vector<float> line(static_cast<std::size_t>(width));
     for (int y = range.begin(); y < range.end(); ++y) {
@@ -102,12 +104,14 @@ ImageU8 Expose(const TrueCamera& camera, const ImageF& radiance, double noise, s
       for (int x = 0; x < width; ++x) {
         const double dx = x - 0.5 * (width - 1);
         const double shade = 1 - camera.vignetting * (dx * dx + dy * dy) / corner2;
-        const double signal = 255 * camera.gain * shade * static_cast<double>(line[static_cast<std::size_t>(x)]);
+        const double signal =
+            255 * camera.gain * shade * static_cast<double>(line[static_cast<std::size_t>(x)]);
         double level = kBlackLevel + signal;
         if (noise > 0) {
           const auto index = static_cast<std::uint64_t>(y) * static_cast<std::uint64_t>(width) +
                              static_cast<std::uint64_t>(x);
-          level += noise * NoiseSigma(level) * static_cast<double>(normal.At(Mix(seed + Mix(index))));
+          level +=
+              noise * NoiseSigma(level) * static_cast<double>(normal.At(Mix(seed + Mix(index))));
         }
         image.At(x, y) = static_cast<std::uint8_t>(std::clamp(std::lround(level), 0L, 255L));
       }

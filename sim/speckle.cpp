@@ -15,7 +15,8 @@ constexpr double kSoftTexels = 2.5;  // width of a dot's edge
 constexpr double kFloor = 0.06;      // light between the dots
 
 std::size_t Texel(int x, int y) {
-  return static_cast<std::size_t>(y & (kSize - 1)) * kSize + static_cast<std::size_t>(x & (kSize - 1));
+  return static_cast<std::size_t>(y & (kSize - 1)) * kSize +
+         static_cast<std::size_t>(x & (kSize - 1));
 }
 
 }  // namespace
@@ -38,7 +39,8 @@ SpecklePattern::SpecklePattern(std::uint64_t seed, double dot_rad)
       for (int x = x0 - reach; x <= x0 + reach; ++x) {
         const double distance2 = (x - cx) * (x - cx) + (y - cy) * (y - cy);
         if (distance2 > (radius + 0.5 * kSoftTexels) * (radius + 0.5 * kSoftTexels)) continue;
-        const double edge = std::clamp(0.5 + (radius - std::sqrt(distance2)) / kSoftTexels, 0.0, 1.0);
+        const double edge =
+            std::clamp(0.5 + (radius - std::sqrt(distance2)) / kSoftTexels, 0.0, 1.0);
         const double light = kFloor + (level - kFloor) * edge * edge * (3 - 2 * edge);
         std::uint8_t& texel = texels_[Texel(x, y)];
         texel = std::max(texel, static_cast<std::uint8_t>(std::lround(255 * light)));

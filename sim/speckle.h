@@ -5,7 +5,8 @@
 
 namespace sole::sim {
 
-/// The slide of one speckle projector: soft-edged random dots on a tile that repeats. Deterministic for a seed.
+/// The slide of one speckle projector: soft-edged random dots on a tile that repeats. Deterministic
+/// for a seed.
 class SpecklePattern {
  public:
   /// `dot_rad` is the mean dot diameter as an angle seen from the projector.

@@ -45,32 +45,35 @@ class Noise3 {
  private:
   static std::size_t Index(int x, int y, int z) {
     constexpr int mask = kNoiseSize - 1;
-    return static_cast<std::size_t>(((z & mask) * kNoiseSize + (y & mask)) * kNoiseSize + (x & mask));
+    return static_cast<std::size_t>(((z & mask) * kNoiseSize + (y & mask)) * kNoiseSize +
+                                    (x & mask));
   }
   std::vector<float> values_;
 };
 
-LitGrid LightGrid(const Lighting& lighting, const SceneTracer& tracer, ExposureKind kind, LitGrid grid,
-                  const Vector3d& normal, bool two_sided) {
+LitGrid LightGrid(const Lighting& lighting, const SceneTracer& tracer, ExposureKind kind,
+                  LitGrid grid, const Vector3d& normal, bool two_sided) {
   const std::size_t stride = lighting.Stride(kind);
   const int nodes = grid.nodes_x * grid.nodes_y;
   grid.light.resize(static_cast<std::size_t>(nodes) * stride);
   tbb::parallel_for(0, nodes, [&](int node) {
-    const Vector3d point = grid.origin + node % grid.nodes_x * grid.along_x + node / grid.nodes_x * grid.along_y;
+    const Vector3d point =
+        grid.origin + node % grid.nodes_x * grid.along_x + node / grid.nodes_x * grid.along_y;
     lighting.At(tracer, kind, point, normal, two_sided, kClearance,
-                &grid.light[static_cast<std::size_t>(node) * stride]);
+                grid.light.data() + static_cast<std::size_t>(node) * stride);
   });
   return grid;
 }
 
 }  // namespace
 
-void LightMesh(const Lighting& lighting, const SceneTracer& tracer, ExposureKind kind, LitMesh& mesh) {
+void LightMesh(const Lighting& lighting, const SceneTracer& tracer, ExposureKind kind,
+               LitMesh& mesh) {
   const std::size_t stride = lighting.Stride(kind);
   mesh.light.resize(mesh.vertices.size() * stride);
   tbb::parallel_for(std::size_t{0}, mesh.vertices.size(), [&](std::size_t i) {
-    lighting.At(tracer, kind, mesh.vertices[i], mesh.normals[i].cast<double>(), false, 5 * kClearance,
-                &mesh.light[i * stride]);
+    lighting.At(tracer, kind, mesh.vertices[i], mesh.normals[i].cast<double>(), false,
+                5 * kClearance, mesh.light.data() + i * stride);
   });
 }
 
@@ -86,7 +89,8 @@ LitGrid LightCubeFace(const Lighting& lighting, const SceneTracer& tracer, Expos
   grid.origin = world_from_body * Vector3d(0.5 * edge_m * (normal - x - y));
   grid.along_x = world_from_body.rotation * (x * (edge_m / (kNodes - 1)));
   grid.along_y = world_from_body.rotation * (y * (edge_m / (kNodes - 1)));
-  return LightGrid(lighting, tracer, kind, std::move(grid), world_from_body.rotation * normal, false);
+  return LightGrid(lighting, tracer, kind, std::move(grid), world_from_body.rotation * normal,
+                   false);
 }
 
 LitGrid LightGlass(const Lighting& lighting, const SceneTracer& tracer, ExposureKind kind,
@@ -102,7 +106,8 @@ LitGrid LightGlass(const Lighting& lighting, const SceneTracer& tracer, Exposure
   return LightGrid(lighting, tracer, kind, std::move(grid), Vector3d::UnitZ(), true);
 }
 
-float MixLight(const Lighting& lighting, ExposureKind kind, const WeightedPoint* points, int count) {
+float MixLight(const Lighting& lighting, ExposureKind kind, const WeightedPoint* points,
+               int count) {
   float sum = 0;
   if (kind == ExposureKind::kTexture) {
     for (int i = 0; i < count; ++i) sum += points[i].weight * points[i].light->weight;
@@ -117,20 +122,23 @@ float MixLight(const Lighting& lighting, ExposureKind kind, const WeightedPoint*
       v += points[i].weight * light.v;
       strength += points[i].weight * light.weight;
     }
-    if (strength > 0) sum += strength * projector.slide.At(static_cast<double>(u), static_cast<double>(v));
+    if (strength > 0)
+      sum += strength * projector.slide.At(static_cast<double>(u), static_cast<double>(v));
     ++lamp;
   }
   constexpr float kRoom = 0.02f;
   return sum + kRoom;
 }
 
-float GridLight(const Lighting& lighting, ExposureKind kind, std::size_t stride, const LitGrid& grid,
-                double x, double y) {
+float GridLight(const Lighting& lighting, ExposureKind kind, std::size_t stride,
+                const LitGrid& grid, double x, double y) {
   x = std::clamp(x, 0.0, grid.nodes_x - 1.0);
   y = std::clamp(y, 0.0, grid.nodes_y - 1.0);
-  const int ix = std::min(static_cast<int>(x), grid.nodes_x - 2), iy = std::min(static_cast<int>(y), grid.nodes_y - 2);
+  const int ix = std::min(static_cast<int>(x), grid.nodes_x - 2),
+            iy = std::min(static_cast<int>(y), grid.nodes_y - 2);
   const auto a = static_cast<float>(x - ix), b = static_cast<float>(y - iy);
-  const LampLight* corner = &grid.light[static_cast<std::size_t>(iy * grid.nodes_x + ix) * stride];
+  const LampLight* corner =
+      grid.light.data() + static_cast<std::size_t>(iy * grid.nodes_x + ix) * stride;
   const std::size_t row = static_cast<std::size_t>(grid.nodes_x) * stride;
   const WeightedPoint points[4] = {{corner, (1 - a) * (1 - b)},
                                    {corner + stride, a * (1 - b)},
@@ -141,7 +149,7 @@ float GridLight(const Lighting& lighting, ExposureKind kind, std::size_t stride,
 
 float SkinAlbedo(const Vector3f& material_m) {
   static const Noise3 noise;
-  const float mottles = noise.At(material_m / 0.006f);      // blotches of some millimetres
+  const float mottles = noise.At(material_m / 0.006f);  // blotches of some millimetres
   const float creases = noise.At(material_m / 0.0016f + Vector3f(7.3f, 1.9f, 4.1f));
   const float pores = noise.At(material_m / 0.0007f);
   return 0.50f * (1 + 0.07f * mottles + 0.05f * creases + 0.04f * pores);
@@ -175,7 +183,8 @@ std::vector<std::vector<int>> SortDust(const TruePlate& plate, const std::vector
   for (std::size_t i = 0; i < specks.size(); ++i) {
     // A speck is far smaller than a cell, so its corners name every cell it reaches into.
     for (int corner = 0; corner < 4; ++corner) {
-      const double dx = (corner & 1 ? 1 : -1) * specks[i].radius_m, dy = (corner & 2 ? 1 : -1) * specks[i].radius_m;
+      const double dx = (corner & 1 ? 1 : -1) * specks[i].radius_m,
+                   dy = (corner & 2 ? 1 : -1) * specks[i].radius_m;
       std::vector<int>& cell =
           cells[DustCell(plate, specks[i].centre_m.x() + dx, specks[i].centre_m.y() + dy)];
       if (cell.empty() || cell.back() != static_cast<int>(i)) cell.push_back(static_cast<int>(i));

@@ -15,7 +15,8 @@ namespace sole::sim {
 /// A flat patch with light on a regular grid of points.
 struct LitGrid {
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();  ///< world position of node (0, 0)
-  Eigen::Vector3d along_x = Eigen::Vector3d::Zero(), along_y = Eigen::Vector3d::Zero();  ///< world, per cell
+  Eigen::Vector3d along_x = Eigen::Vector3d::Zero(),
+                  along_y = Eigen::Vector3d::Zero();  ///< world, per cell
   int nodes_x = 0, nodes_y = 0;
   std::vector<LampLight> light;  ///< nodes, row by row, times stride
 };
@@ -49,21 +50,23 @@ struct PreparedScene::State {
 };
 
 /// Light per vertex and grid node; the part of Renderer::Prepare that computes.
-void LightMesh(const Lighting& lighting, const SceneTracer& tracer, ExposureKind kind, LitMesh& mesh);
+void LightMesh(const Lighting& lighting, const SceneTracer& tracer, ExposureKind kind,
+               LitMesh& mesh);
 LitGrid LightCubeFace(const Lighting& lighting, const SceneTracer& tracer, ExposureKind kind,
                       const Rigid3& world_from_body, double edge_m, int face);
 LitGrid LightGlass(const Lighting& lighting, const SceneTracer& tracer, ExposureKind kind,
                    const TruePlate& plate);
 
-/// Light that a lamp's slide lets through, summed over lamps, with the points' light mixed by weights.
+/// Light that a lamp's slide lets through, summed over lamps, with the points' light mixed by
+/// weights.
 struct WeightedPoint {
   const LampLight* light;
   float weight;
 };
 float MixLight(const Lighting& lighting, ExposureKind kind, const WeightedPoint* points, int count);
 /// Light on a grid at cell coordinates x, y (clamped to the grid).
-float GridLight(const Lighting& lighting, ExposureKind kind, std::size_t stride, const LitGrid& grid,
-                double x, double y);
+float GridLight(const Lighting& lighting, ExposureKind kind, std::size_t stride,
+                const LitGrid& grid, double x, double y);
 
 /// Skin reflectance (diffuse albedo) at a material point.
 float SkinAlbedo(const Eigen::Vector3f& material_m);

@@ -22,7 +22,8 @@ std::vector<Cells> ReadDictionary() {
   const auto dictionary = cv::aruco::getPredefinedDictionary(cv::aruco::DICT_5X5_250);
   std::vector<Cells> markers;
   for (int id = 0; id < dictionary->bytesList.rows; ++id) {
-    const cv::Mat bits = cv::aruco::Dictionary::getBitsFromByteList(dictionary->bytesList.row(id), kBits);
+    const cv::Mat bits =
+        cv::aruco::Dictionary::getBitsFromByteList(dictionary->bytesList.row(id), kBits);
     Cells cells{};
     for (int y = 0; y < kBits; ++y) {
       for (int x = 0; x < kBits; ++x) {
@@ -51,9 +52,11 @@ float AlbedoOnBoard(const CharucoFace& face, double x, double y) {
   const int column = static_cast<int>(sx), row = static_cast<int>(sy);
   if ((column + row) % 2 == 0) return kBlackAlbedo;
   const double margin = 0.5 * (1 - face.marker_m / face.square_m);
-  const double u = (sx - column - margin) / (1 - 2 * margin), v = (sy - row - margin) / (1 - 2 * margin);
+  const double u = (sx - column - margin) / (1 - 2 * margin),
+               v = (sy - row - margin) / (1 - 2 * margin);
   if (!(u >= 0 && u < 1 && v >= 0 && v < 1)) return kWhiteAlbedo;
-  // White squares are counted row by row: square (column, row) is number (row * squares_x + column) / 2.
+  // White squares are counted row by row: square (column, row) is number (row * squares_x + column)
+  // / 2.
   const int id = face.first_id + (row * face.squares_x + column) / 2;
   return MarkerIsWhite(id, u, v) ? kWhiteAlbedo : kBlackAlbedo;
 }

@@ -32,9 +32,9 @@ RTCGeometry MakeGeometry(RTCDevice device, const TriangleMesh& mesh) {
   for (const Eigen::Vector3d& v : mesh.vertices) {
     for (int i = 0; i < 3; ++i) *vertices++ = static_cast<float>(v[i]);
   }
-  auto* indices = static_cast<unsigned*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0,
-                                                                 RTC_FORMAT_UINT3, 3 * sizeof(unsigned),
-                                                                 mesh.triangles.size()));
+  auto* indices = static_cast<unsigned*>(
+      rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                              3 * sizeof(unsigned), mesh.triangles.size()));
   for (const Eigen::Vector3i& t : mesh.triangles) {
     for (int i = 0; i < 3; ++i) *indices++ = static_cast<unsigned>(t[i]);
   }
@@ -98,7 +98,8 @@ SceneHit SceneTracer::Nearest(const LightRay& ray, double from_m) const {
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   RTCRayHit query{};
-  query.ray = ToEmbree(ray, from_m, hit.kind == SceneHit::Kind::kNone ? kFar : static_cast<float>(hit.distance_m));
+  query.ray = ToEmbree(
+      ray, from_m, hit.kind == SceneHit::Kind::kNone ? kFar : static_cast<float>(hit.distance_m));
   query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
   rtcIntersect1(scene_, &context, &query);
   if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return hit;

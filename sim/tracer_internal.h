@@ -19,9 +19,9 @@ struct SceneHit {
   double distance_m = 0;
   int mesh = -1;
   int triangle = -1;
-  float b1 = 0, b2 = 0;         ///< barycentric weights of the triangle's second and third vertex
-  int face = -1;                ///< of the cube: -x +x -y +y -z +z
-  Eigen::Vector3d in_body;      ///< hit point on the cube, body frame
+  float b1 = 0, b2 = 0;     ///< barycentric weights of the triangle's second and third vertex
+  int face = -1;            ///< of the cube: -x +x -y +y -z +z
+  Eigen::Vector3d in_body;  ///< hit point on the cube, body frame
 };
 
 /// Meshes (Embree) and the calibration cube (exact, double precision) without any glass.

@@ -50,7 +50,8 @@ TrueCamera DrawCamera(const CameraConfig& nominal, Draws& draws) {
   world_from_cam.translation += draws.VectorWithin(0.003);
   const Eigen::Vector3d turn = draws.NormalVector(0.3 * std::numbers::pi / 180 / std::sqrt(3.0));
   world_from_cam.rotation =
-      (world_from_cam.rotation * Eigen::AngleAxisd(turn.norm(), turn.stableNormalized())).normalized();
+      (world_from_cam.rotation * Eigen::AngleAxisd(turn.norm(), turn.stableNormalized()))
+          .normalized();
   camera.cam_from_world = world_from_cam.Inverse();
   camera.gain = (nominal.exposure_us / 4000) * std::pow(10.0, nominal.gain_db / 20) *
                 (1 + draws.Within(0.05));
@@ -70,7 +71,8 @@ TrueRig DrawTrueRig(const RigConfig& config, std::uint64_t seed) {
   rig.plate.thickness_m = config.plate.thickness_m + draws.Within(0.0003);
   const double index_error = draws.Within(0.005);
   rig.plate.index = config.plate.index + (config.plate.index > 1.01 ? index_error : 0.0);
-  for (const CameraConfig& camera : config.cameras) rig.cameras.push_back(DrawCamera(camera, draws));
+  for (const CameraConfig& camera : config.cameras)
+    rig.cameras.push_back(DrawCamera(camera, draws));
   return rig;
 }
 
@@ -86,15 +88,16 @@ void WriteTruthRig(const std::filesystem::path& path, const TrueRig& rig) {
   for (const TrueCamera& c : rig.cameras) {
     const Eigen::Quaterniond& q = c.cam_from_world.rotation;
     const Eigen::Vector3d& t = c.cam_from_world.translation;
-    json["cameras"].push_back({{"serial", c.serial},
-                               {"width", c.width},
-                               {"height", c.height},
-                               {"intrinsics", {c.fx, c.fy, c.cx, c.cy, c.k1, c.k2, c.p1, c.p2, 0.0}},
-                               {"rotation_wxyz", {q.w(), q.x(), q.y(), q.z()}},
-                               {"translation_m", {t.x(), t.y(), t.z()}},
-                               {"gain", c.gain},
-                               {"vignetting", c.vignetting},
-                               {"blur_px", c.blur_px}});
+    json["cameras"].push_back(
+        {{"serial", c.serial},
+         {"width", c.width},
+         {"height", c.height},
+         {"intrinsics", {c.fx, c.fy, c.cx, c.cy, c.k1, c.k2, c.p1, c.p2, 0.0}},
+         {"rotation_wxyz", {q.w(), q.x(), q.y(), q.z()}},
+         {"translation_m", {t.x(), t.y(), t.z()}},
+         {"gain", c.gain},
+         {"vignetting", c.vignetting},
+         {"blur_px", c.blur_px}});
   }
   io::MakeDirectory(path.parent_path());
   io::WriteStringAtomically(path, json.dump(1) + "\n");

@@ -10,8 +10,8 @@
 
 namespace sole::sim {
 
-/// One simulated camera as it really is. Lens: Brown-Conrady on normalised coordinates in OpenCV's order,
-/// pixel (0, 0) is the centre of the first pixel; looks along +z, x right, y down.
+/// One simulated camera as it really is. Lens: Brown-Conrady on normalised coordinates in OpenCV's
+/// order, pixel (0, 0) is the centre of the first pixel; looks along +z, x right, y down.
 struct TrueCamera {
   std::string serial;
   int width = 0;
@@ -19,7 +19,7 @@ struct TrueCamera {
   double fx = 0, fy = 0, cx = 0, cy = 0;  ///< px
   double k1 = 0, k2 = 0, p1 = 0, p2 = 0;
   Rigid3 cam_from_world;
-  double gain = 1;        ///< grey levels relative to the nominal camera (exposure and analogue gain)
+  double gain = 1;  ///< grey levels relative to the nominal camera (exposure and analogue gain)
   double vignetting = 0;  ///< relative loss of light at the image corner
   double blur_px = 0.6;   ///< standard deviation of the lens' Gaussian blur
 
@@ -40,9 +40,10 @@ struct TrueRig {
   TruePlate plate;
 };
 
-/// Draws a true rig near the nominal one: positions +-3 mm, directions about 0.3 deg, focal length +-1 %,
-/// principal point +-15 px (at 1624 px width), barrel distortion, gain, vignetting, blur, plate thickness +-0.3 mm,
-/// index +-0.005. The same seed gives the same rig. Throws Error for an inconsistent `config`.
+/// Draws a true rig near the nominal one: positions +-3 mm, directions about 0.3 deg, focal length
+/// +-1 %, principal point +-15 px (at 1624 px width), barrel distortion, gain, vignetting, blur,
+/// plate thickness +-0.3 mm, index +-0.005. The same seed gives the same rig. Throws Error for an
+/// inconsistent `config`.
 TrueRig DrawTrueRig(const RigConfig& config, std::uint64_t seed);
 
 /// Writes truth/rig.json (docs/formats.md), atomically, making its directory.

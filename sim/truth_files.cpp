@@ -14,15 +14,18 @@ void Check(const TakeTruth& truth) {
   for (const TruthFrame& frame : truth.frames) {
     const std::string where = "truth of trigger " + std::to_string(frame.trigger) + ": ";
     const std::size_t vertices = truth.frames.front().mesh.vertices.size();
-    Require(frame.mesh.vertices.size() == vertices, where + "the mesh has another number of vertices");
+    Require(frame.mesh.vertices.size() == vertices,
+            where + "the mesh has another number of vertices");
     Require(frame.contact.size() == vertices && frame.pressure_pa.size() == vertices &&
                 frame.penetration_m.size() == vertices,
             where + "contact, pressure and penetration need one value per vertex");
-    Require(frame.visible.size() == truth.pairs.size(), where + "visibility needs one row per pair");
+    Require(frame.visible.size() == truth.pairs.size(),
+            where + "visibility needs one row per pair");
     for (const std::vector<std::uint8_t>& row : frame.visible) {
       Require(row.size() == vertices, where + "visibility needs one value per vertex");
     }
-    Require(frame.world_from_bone.size() == truth.bones.size(), where + "one motion per bone is needed");
+    Require(frame.world_from_bone.size() == truth.bones.size(),
+            where + "one motion per bone is needed");
   }
 }
 
@@ -40,14 +43,18 @@ io::NpyArray Floats(const TakeTruth& truth, const std::vector<double> TruthFrame
   for (const TruthFrame& frame : truth.frames) {
     for (const double value : frame.*member) values.push_back(static_cast<float>(value));
   }
-  io::NpyArray array{"<f4", {truth.frames.size(), truth.frames.front().mesh.vertices.size()},
+  io::NpyArray array{"<f4",
+                     {truth.frames.size(), truth.frames.front().mesh.vertices.size()},
                      std::vector<std::uint8_t>(values.size() * sizeof(float))};
   if (!values.empty()) std::memcpy(array.bytes.data(), values.data(), array.bytes.size());
   return array;
 }
 
 io::NpyArray Visible(const TakeTruth& truth) {
-  io::NpyArray array{"|u1", {truth.frames.size(), truth.pairs.size(), truth.frames.front().mesh.vertices.size()}, {}};
+  io::NpyArray array{
+      "|u1",
+      {truth.frames.size(), truth.pairs.size(), truth.frames.front().mesh.vertices.size()},
+      {}};
   for (const TruthFrame& frame : truth.frames) {
     for (const std::vector<std::uint8_t>& row : frame.visible) {
       array.bytes.insert(array.bytes.end(), row.begin(), row.end());

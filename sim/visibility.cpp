@@ -18,8 +18,8 @@ using Eigen::Vector3f;
 
 constexpr double kClearance_m = 1e-4;  // steps over the surface itself
 
-bool Sees(const TrueCamera& camera, const TruePlate& plate, const SceneTracer& tracer, const Vector3d& point,
-          const Vector3d& normal, double min_cosine) {
+bool Sees(const TrueCamera& camera, const TruePlate& plate, const SceneTracer& tracer,
+          const Vector3d& point, const Vector3d& normal, double min_cosine) {
   const LightPath path = PathBetween(plate, camera.Centre(), point);
   if (!path.clear || -path.arriving.dot(normal) < min_cosine) return false;
   const std::optional<Eigen::Vector2d> pixel = PixelOfDirection(camera, path.leaving);
@@ -30,11 +30,13 @@ bool Sees(const TrueCamera& camera, const TruePlate& plate, const SceneTracer& t
   return !tracer.Blocked({point, -path.arriving}, kClearance_m, path.length_m);
 }
 
-std::vector<std::uint8_t> SeenBy(const TrueCamera& camera, const TruePlate& plate, const SceneTracer& tracer,
-                                 const LitMesh& mesh, double min_cosine) {
+std::vector<std::uint8_t> SeenBy(const TrueCamera& camera, const TruePlate& plate,
+                                 const SceneTracer& tracer, const LitMesh& mesh,
+                                 double min_cosine) {
   std::vector<std::uint8_t> seen(mesh.vertices.size());
   tbb::parallel_for(std::size_t{0}, seen.size(), [&](std::size_t i) {
-    seen[i] = Sees(camera, plate, tracer, mesh.vertices[i], mesh.normals[i].cast<double>(), min_cosine);
+    seen[i] =
+        Sees(camera, plate, tracer, mesh.vertices[i], mesh.normals[i].cast<double>(), min_cosine);
   });
   return seen;
 }
@@ -47,7 +49,8 @@ int IndexOf(const TrueRig& rig, const std::string& serial) {
 }
 
 /// The first body on a camera's ray, through the glass where it lies between.
-SceneHit FirstBody(const TruePlate& plate, const SceneTracer& tracer, const LightRay& ray, LightRay* last) {
+SceneHit FirstBody(const TruePlate& plate, const SceneTracer& tracer, const LightRay& ray,
+                   LightRay* last) {
   *last = ray;
   if (ray.origin.z() < 0 && ray.direction.z() > 0) {
     const PlateCrossing crossing = CrossPlate(plate, ray);
@@ -62,13 +65,15 @@ SceneHit FirstBody(const TruePlate& plate, const SceneTracer& tracer, const Ligh
 
 }  // namespace
 
-std::vector<std::vector<std::uint8_t>> VisibleToPairs(const Renderer& renderer, const PreparedScene& scene,
-                                                      int mesh, const std::vector<PairConfig>& pairs,
+std::vector<std::vector<std::uint8_t>> VisibleToPairs(const Renderer& renderer,
+                                                      const PreparedScene& scene, int mesh,
+                                                      const std::vector<PairConfig>& pairs,
                                                       const VisibilityOptions& options) {
   const PreparedScene::State& state = scene.Get();
   Require(mesh >= 0 && mesh < static_cast<int>(state.meshes.size()),
           "visibility: the scene has no mesh " + std::to_string(mesh));
-  Require(state.exposure == ExposureKind::kSpeckle, "visibility: prepare the scene for a speckle exposure");
+  Require(state.exposure == ExposureKind::kSpeckle,
+          "visibility: prepare the scene for a speckle exposure");
   const LitMesh& body = state.meshes[static_cast<std::size_t>(mesh)];
   const TrueRig& rig = renderer.Rig();
   const double min_cosine = std::cos(options.max_incidence_rad);
@@ -100,13 +105,17 @@ TruthMaps Renderer::MapTruth(const PreparedScene& scene, int camera) const {
   const PreparedScene::State& prepared = scene.Get();
   constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
   const int w = view.width, h = view.height;
-  TruthMaps maps{{w, h, -1}, {w, h, -1}, {w, h, Vector3f::Constant(kNan)}, {w, h, Vector3f::Constant(kNan)},
-                 {w, h, Vector3f::Constant(kNan)}, {w, h, kNan}};
+  TruthMaps maps{{w, h, -1},
+                 {w, h, -1},
+                 {w, h, Vector3f::Constant(kNan)},
+                 {w, h, Vector3f::Constant(kNan)},
+                 {w, h, Vector3f::Constant(kNan)},
+                 {w, h, kNan}};
   tbb::parallel_for(0, h, [&](int y) {
     for (int x = 0; x < w; ++x) {
       LightRay last;
-      const SceneHit hit =
-          FirstBody(state_->rig.plate, prepared.tracer, RayOfPixel(view, Eigen::Vector2d(x, y)), &last);
+      const SceneHit hit = FirstBody(state_->rig.plate, prepared.tracer,
+                                     RayOfPixel(view, Eigen::Vector2d(x, y)), &last);
       if (hit.kind != SceneHit::Kind::kMesh) continue;
       const LitMesh& mesh = prepared.meshes[static_cast<std::size_t>(hit.mesh)];
       const Eigen::Vector3i& t = mesh.triangles[static_cast<std::size_t>(hit.triangle)];

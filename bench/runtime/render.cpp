@@ -1,5 +1,5 @@
-// Renders a calibration frame and a speckled body, prints megapixels per second and, given a folder, writes the images.
-// usage: bench_render [FOLDER]
+// Renders a calibration frame and a speckled body, prints megapixels per second and, given a
+// folder, writes the images. usage: bench_render [FOLDER]
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -56,13 +56,15 @@ int main(int argc, char** argv) {
     for (int camera = 0; camera < static_cast<int>(config.cameras.size()); ++camera) {
       start = Clock::now();
       const std::clock_t cpu_start = std::clock();
-      const sole::ImageU8 image = renderer.Render(prepared, camera, static_cast<std::uint64_t>(camera));
+      const sole::ImageU8 image =
+          renderer.Render(prepared, camera, static_cast<std::uint64_t>(camera));
       const double seconds = SecondsSince(start);
       const double cpu = static_cast<double>(std::clock() - cpu_start) / CLOCKS_PER_SEC;
       std::printf("%s camera %d: %.3f s, %.2f Mpixel/s, %.3f s of CPU\n", name, camera, seconds,
                   image.width * image.height / 1e6 / seconds, cpu);
       if (argc > 1) {
-        sole::io::WriteImage(std::string(argv[1]) + "/" + name + std::to_string(camera) + ".png", image);
+        sole::io::WriteImage(std::string(argv[1]) + "/" + name + std::to_string(camera) + ".png",
+                             image);
       }
     }
   }

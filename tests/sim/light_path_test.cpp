@@ -27,8 +27,9 @@ TrueCamera WideCamera() {
   camera.k2 = 0.03;
   camera.p1 = 3e-4;
   camera.p2 = -2e-4;
-  camera.cam_from_world = Rigid3{Eigen::Quaterniond(Eigen::AngleAxisd(0.3, Vector3d(1, 2, 0.5).normalized())),
-                                 Vector3d(0.02, -0.01, 0.66)};
+  camera.cam_from_world =
+      Rigid3{Eigen::Quaterniond(Eigen::AngleAxisd(0.3, Vector3d(1, 2, 0.5).normalized())),
+             Vector3d(0.02, -0.01, 0.66)};
   return camera;
 }
 
@@ -45,10 +46,12 @@ TEST(CrossPlate, LandsWhereTheParallelPlateFormulaSays) {
       ASSERT_EQ(crossing.kind, PlateCrossing::Kind::kThrough);
       EXPECT_LT((crossing.direction - direction).norm(), 1e-14);
       // Behind the plate the ray runs as if everything there were nearer by s along the normal.
-      const double s = plate.thickness_m *
-                       (1 - std::cos(a) / std::sqrt(plate.index * plate.index - std::sin(a) * std::sin(a)));
+      const double s =
+          plate.thickness_m *
+          (1 - std::cos(a) / std::sqrt(plate.index * plate.index - std::sin(a) * std::sin(a)));
       const double height = upwards ? 0.05 : -0.30;
-      const Vector3d found = crossing.far_point + (height - crossing.far_point.z()) / direction.z() * direction;
+      const Vector3d found =
+          crossing.far_point + (height - crossing.far_point.z()) / direction.z() * direction;
       const Vector3d moved = start + s * along;
       const Vector3d expected = moved + (height - moved.z()) / direction.z() * direction;
       EXPECT_LT((found - expected).norm(), 1e-9) << degrees << " degrees";
@@ -77,7 +80,8 @@ TEST(CrossPlate, LosesWhatFresnelSays) {
   EXPECT_NEAR(crossing.near_transmittance, 1 - reflected, 1e-12);
   EXPECT_NEAR(crossing.far_transmittance, 1 - reflected, 1e-12);
   EXPECT_NEAR(FresnelReflectance(std::cos(std::atan(1.52)), 1.52),
-              0.5 * std::pow(std::sin(std::atan(1.52) - std::atan(1 / 1.52)), 2), 1e-12);  // Brewster's angle
+              0.5 * std::pow(std::sin(std::atan(1.52) - std::atan(1 / 1.52)), 2),
+              1e-12);  // Brewster's angle
 }
 
 TEST(PathBetween, MeetsItsEndAfterRefraction) {
@@ -86,9 +90,11 @@ TEST(PathBetween, MeetsItsEndAfterRefraction) {
   std::uniform_real_distribution<double> unit(-1, 1);
   for (int i = 0; i < 200; ++i) {
     const Vector3d below(0.4 * unit(engine), 0.4 * unit(engine), -0.4 + 0.3 * unit(engine));
-    const Vector3d above(0.4 * unit(engine), 0.4 * unit(engine), i % 5 == 0 ? 0.0 : 0.2 + 0.2 * unit(engine));
+    const Vector3d above(0.4 * unit(engine), 0.4 * unit(engine),
+                         i % 5 == 0 ? 0.0 : 0.2 + 0.2 * unit(engine));
     for (const bool up : {true, false}) {
-      const LightPath path = up ? PathBetween(plate, below, above) : PathBetween(plate, above, below);
+      const LightPath path =
+          up ? PathBetween(plate, below, above) : PathBetween(plate, above, below);
       const Vector3d from = up ? below : above, to = up ? above : below;
       const PlateCrossing crossing = CrossPlate(plate, {from, path.leaving});
       ASSERT_EQ(crossing.kind, PlateCrossing::Kind::kThrough);
@@ -117,7 +123,8 @@ TEST(RayOfPixel, IsInvertedByProjection) {
       EXPECT_LT((*pixel - Vector2d(x, y)).norm(), 1e-9);
     }
   }
-  EXPECT_FALSE(PixelOfDirection(camera, camera.cam_from_world.Inverse().rotation * Vector3d(0, 0, -1)));
+  EXPECT_FALSE(
+      PixelOfDirection(camera, camera.cam_from_world.Inverse().rotation * Vector3d(0, 0, -1)));
 }
 
 }  // namespace

@@ -22,13 +22,15 @@ namespace {
 
 using Corners = std::vector<Eigen::Vector2d>;
 
-/// The product's own camera model with the true values: an oracle that shares no code with the renderer.
+/// The product's own camera model with the true values: an oracle that shares no code with the
+/// renderer.
 Camera Oracle(const TrueCamera& truth) {
   Camera camera;
   camera.serial = truth.serial;
   camera.width = truth.width;
   camera.height = truth.height;
-  camera.intrinsics << truth.fx, truth.fy, truth.cx, truth.cy, truth.k1, truth.k2, truth.p1, truth.p2, 0;
+  camera.intrinsics << truth.fx, truth.fy, truth.cx, truth.cy, truth.k1, truth.k2, truth.p1,
+      truth.p2, 0;
   camera.cam_from_world = truth.cam_from_world;
   return camera;
 }
@@ -38,8 +40,8 @@ Eigen::Vector2d OraclePixel(const TrueRig& rig, int camera, const Eigen::Vector3
   return PixelFromWorld(Oracle(rig.cameras[static_cast<std::size_t>(camera)]), plate, point);
 }
 
-/// Corners of every marker OpenCV finds, by id. `mirrored`: seen from behind, so the image is flipped first and the found
-/// positions are flipped back.
+/// Corners of every marker OpenCV finds, by id. `mirrored`: seen from behind, so the image is
+/// flipped first and the found positions are flipped back.
 std::map<int, Corners> Detect(const ImageU8& image, bool mirrored) {
   cv::Mat mat(image.height, image.width, CV_8U, const_cast<std::uint8_t*>(image.pixels.data()));
   if (mirrored) cv::flip(mat.clone(), mat, 1);
@@ -48,7 +50,8 @@ std::map<int, Corners> Detect(const ImageU8& image, bool mirrored) {
   parameters->cornerRefinementWinSize = 3;
   std::vector<int> ids;
   std::vector<std::vector<cv::Point2f>> found;
-  cv::aruco::detectMarkers(mat, cv::aruco::getPredefinedDictionary(cv::aruco::DICT_5X5_250), found, ids, parameters);
+  cv::aruco::detectMarkers(mat, cv::aruco::getPredefinedDictionary(cv::aruco::DICT_5X5_250), found,
+                           ids, parameters);
   std::map<int, Corners> markers;
   for (std::size_t i = 0; i < ids.size(); ++i) {
     for (const cv::Point2f& p : found[i]) {
@@ -60,13 +63,17 @@ std::map<int, Corners> Detect(const ImageU8& image, bool mirrored) {
 }
 
 /// World corners of a marker of the cube, in OpenCV's order.
-std::vector<Eigen::Vector3d> MarkerOnCube(const CharucoFace& face, int id, const Rigid3& world_from_body) {
-  const int square = 2 * (id - face.first_id) + 1;  // every second square is white, beginning with the second
-  const double x = (square % face.squares_x + 0.5) * face.square_m, y = (square / face.squares_x + 0.5) * face.square_m;
+std::vector<Eigen::Vector3d> MarkerOnCube(const CharucoFace& face, int id,
+                                          const Rigid3& world_from_body) {
+  const int square =
+      2 * (id - face.first_id) + 1;  // every second square is white, beginning with the second
+  const double x = (square % face.squares_x + 0.5) * face.square_m,
+               y = (square / face.squares_x + 0.5) * face.square_m;
   const double h = 0.5 * face.marker_m;
   std::vector<Eigen::Vector3d> corners;
   for (const auto& [dx, dy] : {std::pair{-h, -h}, {h, -h}, {h, h}, {-h, h}}) {
-    corners.push_back(world_from_body * (face.body_from_board * Eigen::Vector3d(x + dx, y + dy, 0)));
+    corners.push_back(world_from_body *
+                      (face.body_from_board * Eigen::Vector3d(x + dx, y + dy, 0)));
   }
   return corners;
 }
@@ -80,14 +87,16 @@ class RendererTest : public testing::Test {
 
 TEST_F(RendererTest, MarkersOfTheCubeHaveTheirIdsAndPlaces) {
   const Renderer renderer(config_, rig_, {.noise = 0});
-  const CalibrationBody cube = MakeCalibrationCube(config_.target.edge_m, config_.target.squares,
-                                                   config_.target.square_m, config_.target.marker_m);
+  const CalibrationBody cube =
+      MakeCalibrationCube(config_.target.edge_m, config_.target.squares, config_.target.square_m,
+                          config_.target.marker_m);
   Scene scene;
   scene.exposure = ExposureKind::kTexture;
   scene.fiducials = false;
   // Turned and tilted so that the cameras at the side see a face, too.
-  scene.world_from_target = Rigid3{Eigen::Quaterniond(Eigen::AngleAxisd(0.5, Eigen::Vector3d(0.2, 1, 0).normalized())),
-                                   Eigen::Vector3d(0.0, 0.02, 0.085)};
+  scene.world_from_target =
+      Rigid3{Eigen::Quaterniond(Eigen::AngleAxisd(0.5, Eigen::Vector3d(0.2, 1, 0).normalized())),
+             Eigen::Vector3d(0.0, 0.02, 0.085)};
   const PreparedScene prepared = renderer.Prepare(scene);
   for (const int camera : {0, 3}) {
     const auto markers = Detect(renderer.Render(prepared, camera, 1), false);
@@ -100,9 +109,11 @@ TEST_F(RendererTest, MarkersOfTheCubeHaveTheirIdsAndPlaces) {
       double shortest = 1e9;
       for (const Eigen::Vector3d& corner : MarkerOnCube(face, id, *scene.world_from_target)) {
         truth.push_back(OraclePixel(rig_, camera, corner));
-        if (truth.size() > 1) shortest = std::min(shortest, (truth.back() - truth[truth.size() - 2]).norm());
+        if (truth.size() > 1)
+          shortest = std::min(shortest, (truth.back() - truth[truth.size() - 2]).norm());
       }
-      // OpenCV places the corners of strongly foreshortened markers badly; those only tell the order.
+      // OpenCV places the corners of strongly foreshortened markers badly; those only tell the
+      // order.
       const double tolerance = shortest > 24 ? 1.5 : 0.3 * shortest;
       precise += shortest > 24;
       for (std::size_t i = 0; i < 4; ++i) {
@@ -115,26 +126,32 @@ TEST_F(RendererTest, MarkersOfTheCubeHaveTheirIdsAndPlaces) {
 }
 
 /// Where the oracle's ray of a pixel meets a board, board coordinates.
-Eigen::Vector2d OnBoard(const TrueRig& rig, int camera, const Rigid3& board_from_world, const Eigen::Vector2d& pixel) {
+Eigen::Vector2d OnBoard(const TrueRig& rig, int camera, const Rigid3& board_from_world,
+                        const Eigen::Vector2d& pixel) {
   const Plate plate{rig.plate.thickness_m, rig.plate.index};
   const Ray ray = RayFromPixel(Oracle(rig.cameras[static_cast<std::size_t>(camera)]), plate, pixel);
-  const Eigen::Vector3d origin = board_from_world * ray.origin, direction = board_from_world.rotation * ray.direction;
+  const Eigen::Vector3d origin = board_from_world * ray.origin,
+                        direction = board_from_world.rotation * ray.direction;
   return (origin - origin.z() / direction.z() * direction).head<2>();
 }
 
-/// By how many pixels the image of a chessboard corner is displaced against a picture of it painted from the oracle's
-/// rays (black where the board coordinates have the same sign), blurred as the camera does. Least squares over
-/// shift, contrast and brightness.
-Eigen::Vector2d Displacement(const ImageU8& image, const TrueRig& rig, int camera, const Rigid3& board_from_world,
-                             const Eigen::Vector2d& corner, const Eigen::Vector2d& corner_pixel) {
+/// By how many pixels the image of a chessboard corner is displaced against a picture of it painted
+/// from the oracle's rays (black where the board coordinates have the same sign), blurred as the
+/// camera does. Least squares over shift, contrast and brightness.
+Eigen::Vector2d Displacement(const ImageU8& image, const TrueRig& rig, int camera,
+                             const Rigid3& board_from_world, const Eigen::Vector2d& corner,
+                             const Eigen::Vector2d& corner_pixel) {
   constexpr int kHalf = 6, kPad = 4, kSide = 2 * (kHalf + kPad) + 1, kFine = 12;
-  const int cx = static_cast<int>(std::lround(corner_pixel.x())), cy = static_cast<int>(std::lround(corner_pixel.y()));
+  const int cx = static_cast<int>(std::lround(corner_pixel.x())),
+            cy = static_cast<int>(std::lround(corner_pixel.y()));
   cv::Mat painted(kSide, kSide, CV_64F, cv::Scalar(0));
   for (int i = 0; i < kSide * kSide * kFine * kFine; ++i) {
     const int fine_x = i % (kSide * kFine), fine_y = i / (kSide * kFine);
-    const Eigen::Vector2d pixel(cx - kHalf - kPad - 0.5 + (fine_x + 0.5) / kFine, cy - kHalf - kPad - 0.5 + (fine_y + 0.5) / kFine);
+    const Eigen::Vector2d pixel(cx - kHalf - kPad - 0.5 + (fine_x + 0.5) / kFine,
+                                cy - kHalf - kPad - 0.5 + (fine_y + 0.5) / kFine);
     const Eigen::Vector2d p = OnBoard(rig, camera, board_from_world, pixel) - corner;
-    painted.at<double>(fine_y / kFine, fine_x / kFine) += p.x() * p.y() > 0 ? 0.0 : 1.0 / (kFine * kFine);
+    painted.at<double>(fine_y / kFine, fine_x / kFine) +=
+        p.x() * p.y() > 0 ? 0.0 : 1.0 / (kFine * kFine);
   }
   const double blur = rig.cameras[static_cast<std::size_t>(camera)].blur_px;
   cv::GaussianBlur(painted, painted, {7, 7}, blur, blur);
@@ -143,7 +160,8 @@ Eigen::Vector2d Displacement(const ImageU8& image, const TrueRig& rig, int camer
   for (int y = kPad; y < kSide - kPad; ++y) {
     for (int x = kPad; x < kSide - kPad; ++x) {
       const Eigen::Vector4d row(0.5 * (painted.at<double>(y, x + 1) - painted.at<double>(y, x - 1)),
-                                0.5 * (painted.at<double>(y + 1, x) - painted.at<double>(y - 1, x)), painted.at<double>(y, x), 1);
+                                0.5 * (painted.at<double>(y + 1, x) - painted.at<double>(y - 1, x)),
+                                painted.at<double>(y, x), 1);
       normal += row * row.transpose();
       right += row * image.At(cx - kHalf - kPad + x, cy - kHalf - kPad + y);
     }
@@ -154,12 +172,14 @@ Eigen::Vector2d Displacement(const ImageU8& image, const TrueRig& rig, int camer
 
 TEST_F(RendererTest, CornersStandWhereTheyBelongInAirAndThroughGlass) {
   const Renderer renderer(config_, rig_, {.noise = 0});
-  const CalibrationBody cube = MakeCalibrationCube(config_.target.edge_m, config_.target.squares,
-                                                   config_.target.square_m, config_.target.marker_m);
+  const CalibrationBody cube =
+      MakeCalibrationCube(config_.target.edge_m, config_.target.squares, config_.target.square_m,
+                          config_.target.marker_m);
   const CharucoFace& face = cube.faces[0];
   for (const int camera : {0, 2}) {
     // Lays a face nearly square to the camera, 6 cm above the glass.
-    const Eigen::Vector3d view = rig_.cameras[static_cast<std::size_t>(camera)].Centre().normalized();
+    const Eigen::Vector3d view =
+        rig_.cameras[static_cast<std::size_t>(camera)].Centre().normalized();
     Scene scene;
     scene.exposure = ExposureKind::kTexture;
     scene.fiducials = scene.dust = false;
@@ -173,7 +193,9 @@ TEST_F(RendererTest, CornersStandWhereTheyBelongInAirAndThroughGlass) {
       const Eigen::Vector3d corner = CornerInBody(face, i);
       const Eigen::Vector2d on_board = (face.body_from_board.Inverse() * corner).head<2>();
       const Eigen::Vector2d pixel = OraclePixel(rig_, camera, *scene.world_from_target * corner);
-      EXPECT_LT(Displacement(image, rig_, camera, world_from_board.Inverse(), on_board, pixel).norm(), 0.01)
+      EXPECT_LT(
+          Displacement(image, rig_, camera, world_from_board.Inverse(), on_board, pixel).norm(),
+          0.01)
           << "camera " << camera << " corner " << i;
     }
   }
@@ -210,6 +232,16 @@ TEST_F(RendererTest, ImagesFollowTheSeedAndNotTheThreads) {
   EXPECT_EQ(Renderer(config_, rig_).Render(renderer.Prepare(scene), 2, 9).pixels, image.pixels);
 }
 
+TEST_F(RendererTest, CamerasDoNotShareTheirNoise) {
+  config_ = MakeDefaultRig(4, 203, 154);
+  rig_ = DrawTrueRig(config_, kSeed);
+  rig_.cameras[1] = rig_.cameras[0];
+  const PreparedScene prepared = Renderer(config_, rig_).Prepare({});
+  const Renderer quiet(config_, rig_, {.noise = 0}), noisy(config_, rig_);
+  EXPECT_EQ(quiet.Render(prepared, 0, 9).pixels, quiet.Render(prepared, 1, 9).pixels);
+  EXPECT_NE(noisy.Render(prepared, 0, 9).pixels, noisy.Render(prepared, 1, 9).pixels);
+}
+
 TEST_F(RendererTest, TruthMapsAgreeWithTheProjectionThroughTheGlass) {
   config_ = MakeDefaultRig(4, 406, 309);
   rig_ = DrawTrueRig(config_, kSeed);
@@ -230,7 +262,9 @@ TEST_F(RendererTest, TruthMapsAgreeWithTheProjectionThroughTheGlass) {
         const Eigen::Vector3d point = maps.point_m.At(x, y).cast<double>();
         EXPECT_LT((OraclePixel(rig_, camera, point) - Eigen::Vector2d(x, y)).norm(), 0.003);
         EXPECT_NEAR((point - Eigen::Vector3d(0.01, 0, 0.05)).norm(), 0.05, 1e-4);
-        EXPECT_GT(maps.normal.At(x, y).cast<double>().dot((point - Eigen::Vector3d(0.01, 0, 0.05)).normalized()), 0.99);
+        EXPECT_GT(maps.normal.At(x, y).cast<double>().dot(
+                      (point - Eigen::Vector3d(0.01, 0, 0.05)).normalized()),
+                  0.99);
       }
     }
     EXPECT_GT(covered, 300);
@@ -250,7 +284,8 @@ TEST_F(RendererTest, SpeckleOnSkinHasContrastAndNoSaturation) {
     for (std::size_t i = 0; i < image.pixels.size(); ++i) {
       const TrueCamera& view = rig_.cameras[static_cast<std::size_t>(camera)];
       if (maps.mesh.pixels[i] < 0) continue;
-      const Eigen::Vector3f to_camera = (view.Centre().cast<float>() - maps.point_m.pixels[i]).normalized();
+      const Eigen::Vector3f to_camera =
+          (view.Centre().cast<float>() - maps.point_m.pixels[i]).normalized();
       if (maps.normal.pixels[i].dot(to_camera) > 0.8f) grey.push_back(image.pixels[i]);
     }
     std::sort(grey.begin(), grey.end());

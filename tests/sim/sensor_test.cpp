@@ -37,7 +37,8 @@ TEST(Expose, NoiseHasTheRequestedLevel) {
     const ImageF flat(camera.width, camera.height, static_cast<float>(grey / 255));
     for (const double scale : {0.5, 1.0, 2.0}) {
       const Moments found = Measure(Expose(camera, flat, scale, 11));
-      // Photon noise of 39.2 electrons per level and 8 electrons of read noise, and rounding to whole levels.
+      // Photon noise of 39.2 electrons per level and 8 electrons of read noise, and rounding to
+      // whole levels.
       const double electrons = grey * 10000 / 255;
       const double sigma = scale * std::sqrt(electrons + 64) / (10000.0 / 255);
       EXPECT_NEAR(found.mean, grey + kBlackLevel, 0.05);

@@ -12,7 +12,8 @@ constexpr double kPixel = 1 / 3250.0;  // angle of a camera's pixel
 
 std::vector<double> Row(const SpecklePattern& pattern, double y) {
   std::vector<double> row;
-  for (int x = 0; x < 700; ++x) row.push_back(static_cast<double>(pattern.At((x - 350) * kPixel, y)));
+  for (int x = 0; x < 700; ++x)
+    row.push_back(static_cast<double>(pattern.At((x - 350) * kPixel, y)));
   return row;
 }
 

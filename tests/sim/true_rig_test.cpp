@@ -28,8 +28,8 @@ TEST(DrawTrueRig, StaysNearTheNominalRigAndFollowsTheSeed) {
       EXPECT_EQ(camera.fx, again.cameras[i].fx);
       EXPECT_NEAR(camera.fx / config.cameras[i].focal_px, 1, 0.0101);
       EXPECT_LT((camera.Centre() - config.cameras[i].position_m).norm(), 0.003 * std::sqrt(3.0));
-      const double turn =
-          camera.cam_from_world.rotation.angularDistance(NominalCamFromWorld(config.cameras[i]).rotation);
+      const double turn = camera.cam_from_world.rotation.angularDistance(
+          NominalCamFromWorld(config.cameras[i]).rotation);
       EXPECT_LT(turn, 1.2 * std::numbers::pi / 180);
       largest_turn = std::max(largest_turn, turn);
     }
@@ -39,7 +39,8 @@ TEST(DrawTrueRig, StaysNearTheNominalRigAndFollowsTheSeed) {
 }
 
 TEST(WriteTruthRig, HoldsPlateAndCameras) {
-  const std::filesystem::path folder = std::filesystem::temp_directory_path() / "sole_true_rig_test";
+  const std::filesystem::path folder =
+      std::filesystem::temp_directory_path() / "sole_true_rig_test";
   std::filesystem::remove_all(folder);
   const TrueRig rig = DrawTrueRig(MakeDefaultRig(), 7);
   WriteTruthRig(folder / "truth" / "rig.json", rig);

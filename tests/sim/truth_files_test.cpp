@@ -36,7 +36,10 @@ TakeTruth MakeTruth() {
 
 class WriteTruthTest : public testing::Test {
  protected:
-  WriteTruthTest() { take_.root = std::filesystem::temp_directory_path() / ("sole_truth_test_" + std::to_string(getpid())); }
+  WriteTruthTest() {
+    take_.root =
+        std::filesystem::temp_directory_path() / ("sole_truth_test_" + std::to_string(getpid()));
+  }
   ~WriteTruthTest() override { std::filesystem::remove_all(take_.root); }
   io::TakePaths take_;
 };

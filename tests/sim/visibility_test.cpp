@@ -35,7 +35,8 @@ TEST(VisibleToPairs, OnAConvexBodyIsAQuestionOfIncidence) {
       for (const std::size_t side : {0U, 1U}) {
         worst = std::max(worst, Incidence(renderer.Rig().cameras[2 * pair + side], vertices[i]));
       }
-      // Refraction turns the light by less than two degrees here; the edge itself is left open. Both pairs' sides are lit.
+      // Refraction turns the light by less than two degrees here; the edge itself is left open.
+      // Both pairs' sides are lit.
       const double degrees = worst * 180 / std::numbers::pi;
       if (degrees < 67) {
         EXPECT_TRUE(visible[pair][i]) << pair << ' ' << vertices[i].transpose();
@@ -77,7 +78,7 @@ TEST(VisibleToPairs, AnOccluderHidesWhatLiesBehindIt) {
 }
 
 TEST(VisibleToPairs, NothingIsVisibleInTheDark) {
-  RigConfig config = MakeDefaultRig();
+  RigConfig config = MakeDefaultRig(4, 203, 154);
   config.simulation.projectors.clear();
   const Renderer renderer(config, DrawTrueRig(config, 2));
   Scene scene;
@@ -85,6 +86,7 @@ TEST(VisibleToPairs, NothingIsVisibleInTheDark) {
   for (const auto& flags : VisibleToPairs(renderer, renderer.Prepare(scene), 0, config.pairs)) {
     for (const std::uint8_t flag : flags) EXPECT_EQ(flag, 0);
   }
+  EXPECT_FALSE(renderer.Render(renderer.Prepare(scene), 2, 1).Empty());  // only room light is left
   scene.exposure = ExposureKind::kTexture;
   EXPECT_THROW(VisibleToPairs(renderer, renderer.Prepare(scene), 0, config.pairs), Error);
 }
