@@ -1,8 +1,8 @@
 #include "recon/reconstruct.h"
 
-#include <tbb/parallel_for.h>
-
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <optional>
 
 #include "core/error.h"
@@ -13,6 +13,11 @@ struct Reconstructor::State {
   Rig rig;
   ReconstructOptions options;
   std::vector<Rectification> rectifications;  ///< per pair
+  std::vector<GridOptions> grids;             ///< per pair
+
+  /// Matches and triangulates one pair; appends its points.
+  PairStats MatchPair(std::size_t pair, const FrameSet& frame,
+                      std::vector<PairPoint>& points) const;
 };
 
 namespace {
@@ -66,16 +71,27 @@ void CheckFrame(const Rig& rig, const FrameSet& frame) {
   }
 }
 
+/// Pixels between matched points for the wanted spacing in the middle of the volume.
+int GridStep(const Camera& camera, const CaptureVolume& volume, double spacing_m) {
+  const Eigen::Vector3d middle = 0.5 * (volume.min_m + volume.max_m);
+  const double px_per_m = camera.intrinsics[0] / (camera.CentreInWorld() - middle).norm();
+  return std::max(1, static_cast<int>(std::lround(spacing_m * px_per_m)));
+}
+
 }  // namespace
 
 Reconstructor::Reconstructor(const Rig& rig, const ReconstructOptions& options) {
   Require(!rig.pairs.empty(), "the rig has no stereo pairs: add a [[pair]] to the rig file");
+  Require(options.spacing_m > 0, "reconstruct: spacing_m must be positive");
   Require(rig.pairs.size() <= 255, "the rig has more than 255 stereo pairs");
-  auto state = std::make_unique<State>(State{rig, options, {}});
+  auto state = std::make_unique<State>(State{rig, options, {}, {}});
   state->options.rectify.volume = options.volume;
   state->options.triangulate.volume = options.volume;
   for (const StereoPair& pair : rig.pairs) {
     state->rectifications.push_back(Rectify(rig, pair, state->options.rectify));
+    GridOptions& grid = state->grids.emplace_back(options.grid);
+    grid.step_px = GridStep(rig.cameras[static_cast<std::size_t>(pair.left)], options.volume,
+                            options.spacing_m);
   }
   state_ = std::move(state);
 }
@@ -84,51 +100,56 @@ Reconstructor::~Reconstructor() = default;
 Reconstructor::Reconstructor(Reconstructor&&) noexcept = default;
 Reconstructor& Reconstructor::operator=(Reconstructor&&) noexcept = default;
 
+PairStats Reconstructor::State::MatchPair(std::size_t pair, const FrameSet& frame,
+                                          std::vector<PairPoint>& points) const {
+  const auto start = Clock::now();
+  const auto left = static_cast<std::size_t>(rig.pairs[pair].left);
+  const auto right = static_cast<std::size_t>(rig.pairs[pair].right);
+  PairStats stats;
+  stats.name = rig.pairs[pair].name;
+  if (frame.kind != ExposureKind::kSpeckle) {
+    stats.skipped = "texture exposure: only speckle exposures are matched";
+    return stats;
+  }
+  const Side left_side =
+      PrepareSide(rig.cameras[left], frame.images[left], true, options.foreground);
+  const Side right_side =
+      PrepareSide(rig.cameras[right], frame.images[right], false, options.foreground);
+  stats.skipped = left_side.problem.empty() ? right_side.problem : left_side.problem;
+  if (!stats.skipped.empty()) return stats;
+  const ImageF disparity = InitialDisparity(*frame.images[left], *frame.images[right],
+                                            rectifications[pair], options.match);
+  const GridMatches grid =
+      MatchOnGrid(left_side.prepared, right_side.prepared, left_side.foreground.mask,
+                  rectifications[pair], disparity, grids[pair], options.subset);
+  stats.tried = grid.tried;
+  stats.matched = static_cast<int>(grid.matches.size());
+  for (const PixelMatch& match : grid.matches) stats.mean_zncc += match.match.zncc / stats.matched;
+  const Triangulation triangulation = Triangulate(rig, static_cast<int>(pair), grid.matches,
+                                                  *frame.images[left], options.triangulate);
+  stats.kept = static_cast<int>(triangulation.points.size());
+  stats.median_gap_px = triangulation.median_gap_px;
+  points.insert(points.end(), triangulation.points.begin(), triangulation.points.end());
+  if (2 * triangulation.bad_gap > stats.matched) {
+    stats.skipped = "rays of matching pixels miss each other: calibrate the rig again";
+  } else if (stats.kept < options.min_matches) {
+    stats.skipped = "no foot in view: " + std::to_string(stats.matched) + " matches, " +
+                    std::to_string(stats.kept) + " of them in the capture volume";
+  }
+  stats.seconds = SecondsSince(start);
+  return stats;
+}
+
 FrameReconstruction Reconstructor::Reconstruct(const FrameSet& frame) const {
   const auto start = Clock::now();
-  const auto& [rig, options, rectifications] = *state_;
+  const Rig& rig = state_->rig;
   CheckFrame(rig, frame);
   FrameReconstruction result;
   std::vector<PairPoint> points;
   for (std::size_t i = 0; i < rig.pairs.size(); ++i) {
-    const auto pair_start = Clock::now();
-    const auto left = static_cast<std::size_t>(rig.pairs[i].left);
-    const auto right = static_cast<std::size_t>(rig.pairs[i].right);
-    PairStats& stats = result.pairs.emplace_back();
-    stats.name = rig.pairs[i].name;
-    if (frame.kind != ExposureKind::kSpeckle) {
-      stats.skipped = "texture exposure: only speckle exposures are matched";
-      continue;
-    }
-    const Side left_side =
-        PrepareSide(rig.cameras[left], frame.images[left], true, options.foreground);
-    const Side right_side =
-        PrepareSide(rig.cameras[right], frame.images[right], false, options.foreground);
-    stats.skipped = left_side.problem.empty() ? right_side.problem : left_side.problem;
-    if (!stats.skipped.empty()) continue;
-    const ImageF disparity = InitialDisparity(*frame.images[left], *frame.images[right],
-                                              rectifications[i], options.match);
-    const GridMatches grid =
-        MatchOnGrid(left_side.prepared, right_side.prepared, left_side.foreground.mask,
-                    rectifications[i], disparity, options.grid, options.subset);
-    stats.tried = grid.tried;
-    stats.matched = static_cast<int>(grid.matches.size());
-    for (const PixelMatch& match : grid.matches)
-      stats.mean_zncc += match.match.zncc / stats.matched;
-    Triangulation triangulation = Triangulate(rig, static_cast<int>(i), grid.matches,
-                                              *frame.images[left], options.triangulate);
-    stats.kept = static_cast<int>(triangulation.points.size());
-    stats.median_gap_px = triangulation.median_gap_px;
-    points.insert(points.end(), triangulation.points.begin(), triangulation.points.end());
-    if (2 * triangulation.bad_gap > stats.matched) {
-      stats.skipped = "rays of matching pixels miss each other: calibrate the rig again";
-    } else if (stats.kept < options.min_matches) {
-      stats.skipped = "no foot in view: " + std::to_string(stats.matched) + " matches, " +
-                      std::to_string(stats.kept) + " of them in the capture volume";
-    }
-    stats.seconds = SecondsSince(pair_start);
+    result.pairs.push_back(state_->MatchPair(i, frame, points));
   }
-  FusedClouds fused = Fuse(points, static_cast<int>(rig.pairs.size()), options.fuse);
+  FusedClouds fused = Fuse(points, static_cast<int>(rig.pairs.size()), state_->options.fuse);
   for (std::size_t i = 0; i < rig.pairs.size(); ++i) {
     PairStats& stats = result.pairs[i];
     stats.in_cloud = fused.foot_points[i];

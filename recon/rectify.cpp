@@ -3,6 +3,7 @@
 #include <tbb/parallel_for.h>
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <vector>
@@ -163,9 +164,9 @@ Rectification Rectify(const Rig& rig, const StereoPair& pair, const RectifyOptio
   result.left.centre_m = PinholeCentre(result.left.camera, rig.plate, samples);
   result.right.centre_m = PinholeCentre(result.right.camera, rig.plate, samples);
   result.rect_from_world = CommonRotation(result.left, result.right, pair.name);
-  result.focal_px = options.scale * 0.25 *
-                    (result.left.camera.intrinsics.head<2>().sum() +
-                     result.right.camera.intrinsics.head<2>().sum());
+  const double focal_px = 0.25 * (result.left.camera.intrinsics.head<2>().sum() +
+                                  result.right.camera.intrinsics.head<2>().sum());
+  result.focal_px = std::clamp(options.min_focal_px, options.scale * focal_px, focal_px);
 
   // Extent of the volume in both views, and of its disparities.
   const double inf = std::numeric_limits<double>::infinity();

@@ -48,7 +48,7 @@ const Scene& SharedScene() {
 }
 
 const Reconstructor& SharedReconstructor() {
-  static const Reconstructor reconstructor(SharedScene().rig);
+  static const Reconstructor reconstructor(SharedScene().rig, {.spacing_m = 0.0016});
   return reconstructor;
 }
 
