@@ -38,10 +38,10 @@ double VolumeError(const Rig& rig, const StereoPair& pair, const SyntheticRig& t
 
 TEST(RenderedCalibration, FourCamerasOfReducedSize) {
   const RigConfig config = MakeDefaultRig(4, 812, 618);
-  RenderedTake take(config, 8, 2);
+  RenderedTake take(config, 7, 2);
   const Calibration calibration = Calibrate(config, take);
   const CalibrationStats& stats = calibration.stats;
-  EXPECT_EQ(stats.poses_used + stats.poses_heldout, 8);
+  EXPECT_EQ(stats.poses_used + stats.poses_heldout, 7);
   EXPECT_LT(stats.reprojection_rms_px, 0.05);
   EXPECT_LT(stats.heldout_rms_air_mm, 0.08);
   EXPECT_LT(stats.heldout_rms_glass_mm, 0.08);
