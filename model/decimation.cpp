@@ -12,8 +12,8 @@
 
 #include "core/error.h"
 #include "model/edit_mesh_internal.h"
-#include "model/triangle_topology.h"
 #include "model/subset_relaxation_internal.h"
+#include "model/triangle_topology.h"
 
 namespace sole::model {
 namespace {
@@ -49,6 +49,7 @@ class Decimator {
         edit_(mesh.vertices, mesh.triangles),
         quadrics_(mesh.vertices.size(), Eigen::Matrix4d::Zero()),
         areas_(VertexAreas(mesh)),
+        normals_(VertexNormals(mesh)),
         vertices_(static_cast<int>(mesh.vertices.size())) {
     const std::vector<std::vector<int>> loops = BoundaryLoops(mesh.triangles);
     Require(loops.size() == 1,
@@ -61,8 +62,10 @@ class Decimator {
   void Run() {
     while (Excess() > 0 || BoundaryExcess() > 0) {
       const int before = vertices_;
+      // Filled anew from time to time: a collapse that was refused may have become possible.
       FillQueue();
-      while (!queue_.empty() && (Excess() > 0 || BoundaryExcess() > 0)) Step();
+      while (!queue_.empty() && vertices_ > 0.8 * before && (Excess() > 0 || BoundaryExcess() > 0))
+        Step();
       Require(
           vertices_ < before,
           fmt::format("decimation: stopped at {} vertices, {} on the boundary; wanted {} and {}",
@@ -94,17 +97,34 @@ class Decimator {
     if (boundary ? BoundaryExcess() <= 0 : Excess() <= BoundaryExcess()) return std::nullopt;
     if (!edit_.CollapseKeepsTopology(u, v)) return std::nullopt;
     const EditMesh::MoveEffect effect = edit_.EffectOfMove(u, edit_.Position(v), v);
-    if (effect.cosine < options_.min_normal_cosine || effect.quality < options_.min_quality)
-      return std::nullopt;
+    if (effect.cosine < options_.min_normal_cosine) return std::nullopt;
+    const double before = edit_.EffectOfMove(u, edit_.Position(u), -1).quality;
+    if (effect.quality < std::min(options_.min_quality, before)) return std::nullopt;
     const double size = boundary ? boundary_size_ : 0.5 * (sizes_[At(u)] + sizes_[At(v)]);
     Eigen::Vector4d position;
     position << edit_.Position(v), 1;
     const double squared = position.dot((quadrics_[At(u)] + quadrics_[At(v)]) * position) /
                            (areas_[At(u)] + areas_[At(v)]);
     const double length = (edit_.Position(u) - edit_.Position(v)).norm();
-    return (length * (1.5 - 0.5 * effect.quality) +
+    const double turned = 1 + options_.facing_weight * std::max(0.0, 0.2 - FacingAfter(u, v));
+    return turned *
+           (length * (1.5 - 0.5 * effect.quality) +
             options_.error_weight * std::sqrt(std::max(0.0, squared))) /
            size;
+  }
+
+  /// Least cosine between the normals of the triangles that a collapse changes and the source's
+  /// normals at their corners.
+  double FacingAfter(int u, int v) const {
+    double facing = 1;
+    for (const int t : edit_.TrianglesOf(u)) {
+      Eigen::Vector3i c = edit_.Triangle(t);
+      if ((c.array() == v).any()) continue;
+      const Eigen::Vector3d normal = edit_.Normal(t, u, edit_.Position(v));
+      c = (c.array() == u).select(v, c);
+      for (const int corner : c) facing = std::min(facing, normal.dot(normals_[At(corner)]));
+    }
+    return facing;
   }
 
   void Push(int u, int v) {
@@ -113,6 +133,7 @@ class Decimator {
   }
 
   void FillQueue() {
+    queue_ = {};
     for (int u = 0; u < static_cast<int>(edit_.NumVertices()); ++u) {
       if (!edit_.Alive(u)) continue;
       for (const int v : edit_.Neighbours(u)) Push(u, v);
@@ -145,6 +166,7 @@ class Decimator {
   EditMesh edit_;
   std::vector<Eigen::Matrix4d> quadrics_;
   std::vector<double> areas_;
+  std::vector<Eigen::Vector3d> normals_;
   int vertices_ = 0, boundary_ = 0;
   double boundary_size_ = 0;
   std::priority_queue<Candidate, std::vector<Candidate>, std::greater<>> queue_;

@@ -13,7 +13,8 @@ struct DecimationOptions {
   double error_weight = 2;         ///< of the distance to the removed surface against edge length
   double min_quality = 0.15;       ///< of any triangle made (1 = equilateral)
   double min_normal_cosine = 0.5;  ///< a collapse turns no triangle further
-  int improve_rounds = 30;  ///< of edge flips and of moving vertices to better ones of the source
+  double facing_weight = 0;  ///< of triangles that do not face as the source does at their corners
+  int improve_rounds = 30;   ///< of edge flips and of moving vertices to better ones of the source
 };
 
 /// A mesh whose vertices are vertices of a source mesh.

@@ -110,9 +110,20 @@ Eigen::Vector3d EditMesh::Normal(int t, int moved, const Eigen::Vector3d& positi
   return (b - a).cross(d - a).stableNormalized();
 }
 
+Eigen::Vector3d EditMesh::FanNormal(int v) const {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const int t : around_[Index(v)]) {
+    const Eigen::Vector3i& c = triangles_[Index(t)];
+    const Eigen::Vector3d& a = positions_[Index(c[0])];
+    sum += (positions_[Index(c[1])] - a).cross(positions_[Index(c[2])] - a);
+  }
+  return sum.stableNormalized();
+}
+
 EditMesh::MoveEffect EditMesh::EffectOfMove(int u, const Eigen::Vector3d& position,
                                             int without) const {
   MoveEffect effect;
+  const Eigen::Vector3d fan = FanNormal(u);
   for (const int t : around_[Index(u)]) {
     if (without >= 0 && Holds(t, without)) continue;
     const Eigen::Vector3i& c = triangles_[Index(t)];
@@ -120,7 +131,11 @@ EditMesh::MoveEffect EditMesh::EffectOfMove(int u, const Eigen::Vector3d& positi
       return c[corner] == u ? position : positions_[Index(c[corner])];
     };
     effect.quality = std::min(effect.quality, TriangleQuality(at(0), at(1), at(2)));
-    effect.cosine = std::min(effect.cosine, Normal(t, -1, position).dot(Normal(t, u, position)));
+    // A sliver's own normal says little.
+    const bool sliver = TriangleQuality(positions_[Index(c[0])], positions_[Index(c[1])],
+                                        positions_[Index(c[2])]) < 0.1;
+    const Eigen::Vector3d before = sliver ? fan : Normal(t, -1, position);
+    effect.cosine = std::min(effect.cosine, before.dot(Normal(t, u, position)));
   }
   return effect;
 }

@@ -49,6 +49,8 @@ class EditMesh {
   static std::size_t Index(int i) { return static_cast<std::size_t>(i); }
   bool Holds(int t, int v) const { return (triangles_[Index(t)].array() == v).any(); }
   void RemoveTriangle(int t);
+  /// Area-weighted unit normal around a vertex.
+  Eigen::Vector3d FanNormal(int v) const;
 
   std::vector<Eigen::Vector3d> positions_;
   std::vector<Eigen::Vector3i> triangles_;  ///< removed ones hold -1

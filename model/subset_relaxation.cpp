@@ -4,11 +4,14 @@
 #include <cstddef>
 #include <vector>
 
-#include "model/triangle_topology.h"
 #include "model/subset_relaxation_internal.h"
+#include "model/triangle_topology.h"
 
 namespace sole::model {
 namespace {
+
+constexpr double kPoorQuality = 0.5;
+constexpr int kRepairRings = 4;
 
 std::size_t At(int index) { return static_cast<std::size_t>(index); }
 
@@ -43,6 +46,14 @@ class SubsetRelaxation {
         if (u < v) MaybeFlip(u, v);
       }
     }
+  }
+
+  /// Moves the vertices of poor or folded triangles to the best of the source vertices around them.
+  void Repair() {
+    for (int i = 0; i < static_cast<int>(place_.size()); ++i) {
+      if (FanScore(i) < kPoorQuality) TryAround(i);
+    }
+    FlipAll();
   }
 
   SubsetMesh Result() const {
@@ -151,7 +162,59 @@ class SubsetRelaxation {
     const EditMesh::MoveEffect before = edit_.EffectOfMove(i, edit_.Position(i), -1);
     const EditMesh::MoveEffect after = edit_.EffectOfMove(i, source_.vertices[At(to)], -1);
     if (after.cosine < 0.5 || (after.quality < 0.3 && after.quality < before.quality)) return;
-    taken_[At(from)] = false;
+    Place(i, to);
+  }
+
+  /// Source vertices at most kRepairRings edges away.
+  std::vector<int> Around(int start) const {
+    std::vector<int> found = {start};
+    std::size_t begin = 0;
+    for (int ring = 0; ring < kRepairRings; ++ring) {
+      const std::size_t end = found.size();
+      for (std::size_t at = begin; at < end; ++at) {
+        for (const int n : neighbours_[At(found[at])]) {
+          if (std::find(found.begin(), found.end(), n) == found.end()) found.push_back(n);
+        }
+      }
+      begin = end;
+    }
+    return found;
+  }
+
+  /// Least facing of the triangles around i (see Facing).
+  double FacingAround(int i) const {
+    double facing = 1;
+    for (const int t : edit_.TrianglesOf(i)) {
+      const Eigen::Vector3i& c = edit_.Triangle(t);
+      facing = std::min(facing, Facing(c[0], c[1], c[2]));
+    }
+    return facing;
+  }
+
+  /// Least quality of the triangles around i, less where one of them is turned over.
+  double FanScore(int i) const {
+    const double quality = edit_.EffectOfMove(i, edit_.Position(i), -1).quality;
+    return quality + std::min(0.0, FacingAround(i));
+  }
+
+  void TryAround(int i) {
+    const int from = place_[At(i)];
+    int best = from;
+    double best_score = FanScore(i);
+    for (const int to : Around(from)) {
+      if (to == from || taken_[At(to)] || on_rim_[At(to)] != on_rim_[At(from)]) continue;
+      Place(i, to);
+      const double score = FanScore(i);
+      Place(i, from);
+      if (score <= best_score) continue;
+      best = to;
+      best_score = score;
+    }
+    Place(i, best);
+  }
+
+  void Place(int i, int to) {
+    taken_[At(place_[At(i)])] = false;
     taken_[At(to)] = true;
     place_[At(i)] = to;
     edit_.Move(i, source_.vertices[At(to)]);
@@ -184,6 +247,7 @@ SubsetMesh RelaxSubset(const TriangleMesh& source, EditMesh& edit, std::span<con
   SubsetRelaxation relaxation(source, place, EditMesh(positions, triangles), sizes);
   for (int round = 0; round < rounds; ++round) relaxation.Round();
   for (int round = 0; round < 3; ++round) relaxation.FlipAll();
+  for (int round = 0; round < 5; ++round) relaxation.Repair();
   return relaxation.Result();
 }
 
