@@ -128,7 +128,7 @@ std::map<std::string, double> MeasureFoot(std::span<const Vector3d> vertices_m, 
   Vector3d across = ball_lateral - ball_medial;
   across.z() = 0;
   double ankle_girth = 1;
-  for (double h = 0.40; h < 0.58; h += 0.02) {
+  for (double h = 0.40; h < 0.53; h += 0.02) {
     const double girth = foot.Girth(h * length * z, x, y);
     if (girth > 0.05) ankle_girth = std::min(ankle_girth, girth);
   }

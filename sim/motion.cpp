@@ -53,12 +53,13 @@ std::vector<MotionFrame> Stand(const Subject& subject, const MotionOptions& opti
   for (int i = 0; i < options.frames; ++i) {
     const double t = i / options.rate_hz;
     const double load_n = options.mean_load * subject.weight_kg * kGravity * (1 + 0.06 * load.At(t));
-    FootPose pose = LoadedStandingPose(subject, load_n);
+    const double centre = 0.42 + 0.03 * forward.At(t);
+    FootPose pose = LoadedStandingPose(subject, load_n, centre);
     pose.world_from_foot = placement;
     pose.angles_rad["talocrural.dorsiflexion"] += 0.017 * ankle.At(t);
     pose.angles_rad["subtalar.inversion"] += 0.012 * lean.At(t);
     frames.push_back(Pressed(subject, pose,
-                             {.load_n = load_n, .pressure_centre_y = 0.42 + 0.03 * forward.At(t), .pressure_centre_x_m = {}}, t));
+                             {.load_n = load_n, .pressure_centre_y = centre, .pressure_centre_x_m = {}}, t));
   }
   return frames;
 }
@@ -73,11 +74,12 @@ std::vector<MotionFrame> Rock(const Subject& subject, const MotionOptions& optio
     const double phase = options.frames > 1 ? static_cast<double>(i) / (options.frames - 1) : 0.0;
     const double forward = 0.5 - 0.5 * std::cos(2 * std::numbers::pi * phase);
     const double load_n = options.mean_load * subject.weight_kg * kGravity * (1 + 0.04 * load.At(t));
-    FootPose pose = LoadedStandingPose(subject, load_n);
+    const double centre = 0.22 + 0.44 * forward;
+    FootPose pose = LoadedStandingPose(subject, load_n, centre);
     pose.world_from_foot = placement;
     pose.angles_rad["talocrural.dorsiflexion"] += 0.14 * (forward - 0.4);
     frames.push_back(Pressed(subject, pose,
-                             {.load_n = load_n, .pressure_centre_y = 0.22 + 0.44 * forward, .pressure_centre_x_m = {}}, t));
+                             {.load_n = load_n, .pressure_centre_y = centre, .pressure_centre_x_m = {}}, t));
   }
   return frames;
 }

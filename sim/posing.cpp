@@ -9,18 +9,11 @@
 namespace sole::sim {
 namespace {
 
-/// Lowest point of a primitive.
-double Lowest(const FleshPrimitive& p) {
-  if (p.is_cone) return std::min(p.a.z() - p.radius_a, p.b.z() - p.radius_b);
-  return p.a.z() - p.half_axes.row(2).norm();
-}
-
-double LowestOfToe(const AnatomyTable& table, int toe) {
-  double lowest = 1;
-  for (const FleshPrimitive& p : table.primitives) {
-    if (p.group == toe) lowest = std::min(lowest, Lowest(p));
-  }
-  return lowest;
+/// Height of the lowest point of a primitive over the plane through `origin` with unit normal `up`.
+double Lowest(const FleshPrimitive& p, const Eigen::Vector3d& origin, const Eigen::Vector3d& up) {
+  const double a = up.dot(p.a - origin);
+  if (p.is_cone) return std::min(a - p.radius_a, up.dot(p.b - origin) - p.radius_b);
+  return a - (p.half_axes.transpose() * up).norm();
 }
 
 void BendToe(int toe, double angle, std::map<std::string, double>& angles) {
@@ -59,22 +52,41 @@ Rigid3 StandingPlacement(const Subject& subject) {
   return world_from_foot;
 }
 
-FootPose StandingPose(const Subject& subject, double ground_z_m) {
-  constexpr double kSink = 0.0008;  // how far an unloaded pulp reaches below the ground
+void LowerToes(const Subject& subject, const Rigid3& foot_from_world, double sink_m, FootPose& pose) {
   const AnatomyTable& table = subject.shape->table;
+  Eigen::Vector3d origin = foot_from_world.translation, up = foot_from_world.rotation * Eigen::Vector3d::UnitZ();
+  if (subject.side == Side::kLeft) {
+    origin = Mirrored(origin);
+    up = Mirrored(up);
+  }
+  const auto fixed = static_cast<std::size_t>(BoneIndex(table, pose.fixed_bone));
+  const auto lowest_of = [&](int toe, const std::map<std::string, double>& angles) {
+    std::vector<Rigid3> motions = BoneMotions(table, angles);
+    const Rigid3 hold = motions[fixed].Inverse();
+    for (Rigid3& motion : motions) motion = hold * motion;
+    const AnatomyTable moved = MovedTable(table, motions);
+    double lowest = 1;
+    for (const FleshPrimitive& p : moved.primitives) {
+      if (p.group == toe) lowest = std::min(lowest, Lowest(p, origin, up));
+    }
+    return lowest;
+  };
+  for (int toe = 1; toe <= 5; ++toe) {
+    double down = -0.5, high = 0.35;
+    for (int i = 0; i < 14; ++i) {
+      const double middle = 0.5 * (down + high);
+      std::map<std::string, double> angles = pose.angles_rad;
+      BendToe(toe, middle, angles);
+      (lowest_of(toe, angles) < -sink_m ? down : high) = middle;
+    }
+    BendToe(toe, 0.5 * (down + high), pose.angles_rad);
+  }
+}
+
+FootPose StandingPose(const Subject& subject) {
   FootPose pose;
   pose.world_from_foot = StandingPlacement(subject);
-  for (int toe = 1; toe <= 5; ++toe) {
-    double down = -0.5, up = 0.1;
-    for (int i = 0; i < 16; ++i) {
-      const double middle = 0.5 * (down + up);
-      std::map<std::string, double> angles;
-      BendToe(toe, middle, angles);
-      const double lowest = LowestOfToe(MovedTable(table, BoneMotions(table, angles)), toe);
-      (lowest < ground_z_m - kSink ? down : up) = middle;
-    }
-    BendToe(toe, 0.5 * (down + up), pose.angles_rad);
-  }
+  LowerToes(subject, pose.world_from_foot.Inverse(), 0.0008, pose);
   return pose;
 }
 

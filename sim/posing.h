@@ -30,7 +30,11 @@ PosedFoot PoseFoot(const Subject& subject, const FootPose& pose);
 /// towards +y.
 Rigid3 StandingPlacement(const Subject& subject);
 
-/// Toes lowered until their pulps touch the ground at this height of the foot frame, as a standing person's do; otherwise at rest.
-FootPose StandingPose(const Subject& subject, double ground_z_m = 0);
+/// Bends the toes (MTP and PIP) until their pulps reach `sink_m` below the plate z = 0, as a standing person's do. `foot_from_world` brings
+/// the plate into the foot frame; the other angles of the pose stay.
+void LowerToes(const Subject& subject, const Rigid3& foot_from_world, double sink_m, FootPose& pose);
+
+/// Otherwise at rest, the unloaded foot stands with its toes lowered to the plate.
+FootPose StandingPose(const Subject& subject);
 
 }  // namespace sole::sim

@@ -36,7 +36,7 @@ Column ColumnAt(const Vector3d& reference, int chart, double heel_pad_m) {
   if (chart > 0) return {0.008, 90e3};
   const double arch = step(reference.y(), 0.065, 0.09), ball = step(reference.y(), 0.14, 0.165);
   return {heel_pad_m + (0.014 - heel_pad_m) * arch + (0.0115 - 0.014) * ball,
-          230e3 + (90e3 - 230e3) * arch + (160e3 - 90e3) * ball};
+          260e3 + (100e3 - 260e3) * arch + (180e3 - 100e3) * ball};
 }
 
 /// Stiffens with depth and grows without bound as the column is used up.
@@ -70,7 +70,7 @@ struct Balance {
 /// The plantar skin as columns that move rigidly over the plate.
 class Sole {
  public:
-  Sole(const Subject& subject, const std::vector<Vector3d>& vertices) {
+  Sole(const Subject& subject, const std::vector<Vector3d>& vertices, bool with_toes) {
     const auto& triangles = FootTriangles(subject.side);
     std::vector<double> area(vertices.size(), 0);
     for (const Eigen::Vector3i& t : triangles) {
@@ -93,6 +93,7 @@ class Sole {
     const auto& reference = ReferenceFoot().vertices;
     for (std::size_t v = 0; v < vertices.size(); ++v) {
       if (area[v] <= 0 || vertices[v].z() > lowest + 0.05) continue;
+      if (!with_toes && binding.charts[v] > 0) continue;
       points_.push_back({static_cast<int>(v), vertices[v], area[v],
                          ColumnAt(reference[v], binding.charts[v], subject.heel_pad_m)});
     }
@@ -145,7 +146,17 @@ struct Solution {
 };
 
 /// Newton's method on the tilts that are asked for, the lift solved inside.
-Solution SolveBalance(const Sole& sole, const ContactOptions& options, const Vector2d& wanted, const std::vector<int>& free) {
+Solution SolveBalance(const Sole& sole, const ContactOptions& options) {
+  std::vector<int> free;
+  Vector2d wanted = Vector2d::Zero();
+  if (options.pressure_centre_y) {
+    free.push_back(0);
+    wanted.y() = sole.heel_y + *options.pressure_centre_y * sole.length;
+  }
+  if (options.pressure_centre_x_m) {
+    free.push_back(1);
+    wanted.x() = *options.pressure_centre_x_m;
+  }
   Vector2d tilt = Vector2d::Zero();
   const auto at = [&](const Vector2d& t) {
     Solution s;
@@ -197,7 +208,7 @@ void Bulge(const Subject& subject, const std::vector<double>& shortening, double
            std::vector<Vector3d>& vertices) {
   constexpr double kReach2 = 100;      // squared reach in edges, about 15 mm
   constexpr double kRestored = 0.9;
-  constexpr double kRound = 0.007;     // skin near the plate sticks to it, so the bulge is fullest above
+  constexpr double kRound = 0.009;     // skin near the plate sticks to it, so the bulge is fullest above
   const ReferenceBinding& binding = Binding();
   std::vector<double> spread = shortening, next(spread.size());
   for (int pass = 0; pass < 150; ++pass) {
@@ -215,12 +226,12 @@ void Bulge(const Subject& subject, const std::vector<double>& shortening, double
     if (binding.kinds[v] != SkinKind::kSkin) continue;
     const double toe = static_cast<double>(binding.shares.row(static_cast<Eigen::Index>(v)).tail<14>().sum());
     const double rise = std::clamp(vertices[v].z() / kRound, 0.0, 1.0);
-    const double free = 0.2 + 0.8 * rise * rise * (3 - 2 * rise);
+    const double free = 0.08 + 0.92 * rise * rise * (3 - 2 * rise);
     push[v] = (1 - 0.85 * toe) * free * spread[v] * Vector3d(normals[v].x(), normals[v].y(), 0);
     trial[v] += push[v];
   }
   const double laid = VolumeOf(vertices, triangles), gained = VolumeOf(trial, triangles) - laid;
-  const double amount = gained > 0 ? std::clamp(kRestored * (volume_before - laid) / gained, 0.0, 6.0) : 0;
+  const double amount = gained > 0 ? std::clamp(kRestored * (volume_before - laid) / gained, 0.0, 8.0) : 0;
   for (std::size_t v = 0; v < vertices.size(); ++v) vertices[v] += amount * push[v];
 }
 
@@ -252,18 +263,8 @@ LoadedFoot PressOnPlate(const Subject& subject, const FootPose& pose, const Cont
     loaded.balanced = true;
     return loaded;
   }
-  const Sole sole(subject, vertices);
-  std::vector<int> free;
-  Vector2d wanted = Vector2d::Zero();
-  if (options.pressure_centre_y) {
-    free.push_back(0);
-    wanted.y() = sole.heel_y + *options.pressure_centre_y * sole.length;
-  }
-  if (options.pressure_centre_x_m) {
-    free.push_back(1);
-    wanted.x() = *options.pressure_centre_x_m;
-  }
-  const Solution solution = SolveBalance(sole, options, wanted, free);
+  const Sole sole(subject, vertices, true);
+  const Solution solution = SolveBalance(sole, options);
   Place(solution.motion, loaded.foot);
   loaded.balanced = solution.balanced;
   for (const Plantar& p : sole.Points()) {
@@ -288,22 +289,27 @@ LoadedFoot PressOnPlate(const Subject& subject, const FootPose& pose, const Cont
   return loaded;
 }
 
-FootPose LoadedStandingPose(const Subject& subject, double load_n) {
+FootPose LoadedStandingPose(const Subject& subject, double load_n, double pressure_centre_y) {
   constexpr double kGravity = 9.81;
   const double share = std::clamp(load_n / (subject.weight_kg * kGravity), 0.0, 1.2);
-  // The ball's pad shortens by about this much, and the toes give way so that their pulps take less.
-  FootPose pose = StandingPose(subject, 0.0035 * std::sqrt(share));
+  FootPose pose;
+  pose.world_from_foot = StandingPlacement(subject);
   pose.angles_rad["midtarsal.dorsiflexion"] = 0.087 * (1 - std::exp(-2.5 * share));
   pose.angles_rad["subtalar.inversion"] = -0.035 * share;
   for (int ray = 1; ray <= 5; ++ray) {
     pose.angles_rad["tarsometatarsal_" + std::to_string(ray) + ".dorsiflexion"] = 0.015 * share;
   }
+  // Heel and ball find the ground, then the toes reach for it; their pulps give way, so they sink only a little.
+  const Sole sole(subject, PoseFoot(subject, pose).vertices_m, false);
+  const Solution ground = SolveBalance(
+      sole, {.load_n = load_n, .pressure_centre_y = pressure_centre_y, .pressure_centre_x_m = {}});
+  LowerToes(subject, (ground.motion * pose.world_from_foot).Inverse(), 0.0016 + 0.0018 * share, pose);
   return pose;
 }
 
 LoadedFoot StandOnPlate(const Subject& subject, double load_n, double pressure_centre_y) {
   Require(load_n > 0, "StandOnPlate: the load must be positive; use PressOnPlate with load 0 for the air");
-  return PressOnPlate(subject, LoadedStandingPose(subject, load_n),
+  return PressOnPlate(subject, LoadedStandingPose(subject, load_n, pressure_centre_y),
                       {.load_n = load_n, .pressure_centre_y = pressure_centre_y, .pressure_centre_x_m = {}});
 }
 

@@ -34,8 +34,8 @@ struct LoadedFoot {
 /// are solved for balance, the skin is laid on the plate, leaves it with a smooth profile and bulges sideways.
 LoadedFoot PressOnPlate(const Subject& subject, const FootPose& pose, const ContactOptions& options);
 
-/// StandingPose with the arch lowered by the load (newtons).
-FootPose LoadedStandingPose(const Subject& subject, double load_n);
+/// A standing person's pose under a load (newtons): the arch lowered, the toes on the ground.
+FootPose LoadedStandingPose(const Subject& subject, double load_n, double pressure_centre_y = 0.42);
 
 /// Quiet standing: LoadedStandingPose pressed on the plate.
 LoadedFoot StandOnPlate(const Subject& subject, double load_n, double pressure_centre_y = 0.42);

@@ -13,6 +13,7 @@
 #include "sim/foot_measures.h"
 #include "sim/reference_foot.h"
 #include "sim/skin_binding.h"
+#include "sim/soft_contact.h"
 #include "sim/subject_shape.h"
 #include "sim/survey.h"
 
@@ -60,9 +61,20 @@ Eigen::MatrixXd MeasureJacobian() {
   return jacobian;
 }
 
+/// What standing at half the body weight, as the survey's people did, adds to the unloaded measures (mean foot).
+const Eigen::VectorXd& StandingChange() {
+  static const Eigen::VectorXd change = [] {
+    const Subject mean = MeanSubject();
+    const LoadedFoot stood = StandOnPlate(mean, 0.5 * 9.81 * mean.weight_kg);
+    return Eigen::VectorXd(SolvedMeasures(stood.foot.vertices_m) - SolvedMeasures(ReferenceFoot().vertices));
+  }();
+  return change;
+}
+
 /// Newton's method with the mean foot's derivatives; the given handles are kept, the solved ones change.
-SubjectShape SolveShape(ShapeHandles handles, const Eigen::VectorXd& target_mm) {
+SubjectShape SolveShape(ShapeHandles handles, const Eigen::VectorXd& standing_mm) {
   static const Eigen::MatrixXd jacobian = MeasureJacobian();
+  const Eigen::VectorXd target_mm = standing_mm - StandingChange();
   handles.scale = target_mm[0] / SolvedMeasures(ReferenceFoot().vertices)[0] - 1;
   SubjectShape shape = MakeShape(handles);
   for (int i = 0; i < 5; ++i) {

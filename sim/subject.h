@@ -25,7 +25,7 @@ struct Subject {
   Sex sex = Sex::kMale;
   double weight_kg = 75;
   double stature_m = 1.72;
-  std::map<std::string, double> measures_mm;  ///< what was drawn, names as in MeasureFoot
+  std::map<std::string, double> measures_mm;  ///< drawn, standing at half the weight; names as in MeasureFoot
   double hallux_valgus_rad = 0;
   bool second_toe_longest = false;
   double heel_pad_m = 0.017;                  ///< thickness of the unloaded heel pad
