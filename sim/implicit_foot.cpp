@@ -147,9 +147,10 @@ Sample ImplicitFoot::Join(const Groups& groups, int chart) const {
   return SmoothMin(groups[kBodyGroup], toes, table_.k_body_toes);
 }
 
-Sample ImplicitFoot::NailTerm(const Eigen::Vector3d& point) const {
+Sample ImplicitFoot::NailTerm(const Eigen::Vector3d& point, int chart) const {
   Sample term;
   for (const Nail& nail : table_.nails) {
+    if (chart != 0 && chart != nail.toe) continue;
     const Eigen::Vector3d offset = point - nail.centre;
     if (offset.squaredNorm() > 0.02 * 0.02) continue;
     const Eigen::Vector3d q = 1e3 * (nail.axes.transpose() * offset);
@@ -173,7 +174,7 @@ Sample ImplicitFoot::Evaluate(const Eigen::Vector3d& point, int chart) const {
 
 Sample ImplicitFoot::Evaluate(const Eigen::Vector3d& point, int chart, const Shortlist& shortlist) const {
   Sample sample = Join(BlendGroups(point, shortlist), chart);
-  const Sample nails = NailTerm(point);
+  const Sample nails = NailTerm(point, chart);
   sample.value += nails.value;
   sample.gradient += nails.gradient;
   return sample;
@@ -182,6 +183,7 @@ Sample ImplicitFoot::Evaluate(const Eigen::Vector3d& point, int chart, const Sho
 void ImplicitFoot::MakeShortlist(const Eigen::Vector3d& point, double radius, Shortlist& shortlist) const {
   // Beyond this a group cannot reach the skin: blend of body and toes plus what blending lowers.
   const double group_reach = table_.k_body_toes + 0.009;
+  constexpr double kSlack = 0.002;  // ellipsoid distances change a little faster than the point moves
   std::array<double, kNumGroups> nearest;
   nearest.fill(kInfinity);
   std::vector<double> distance(all_.size());
@@ -195,7 +197,7 @@ void ImplicitFoot::MakeShortlist(const Eigen::Vector3d& point, double radius, Sh
   for (std::size_t i = 0; i < all_.size(); ++i) {
     const double low = nearest[static_cast<std::size_t>(table_.primitives[i].group)];
     if (low > lowest + group_reach + 2 * radius) continue;
-    if (distance[i] < low + reach_[i] + 2 * radius) shortlist.push_back(all_[i]);
+    if (distance[i] < low + reach_[i] + 2 * radius + kSlack) shortlist.push_back(all_[i]);
   }
 }
 

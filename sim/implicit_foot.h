@@ -55,7 +55,7 @@ class ImplicitFoot {
   using Groups = std::array<Sample, kNumGroups>;
   Groups BlendGroups(const Eigen::Vector3d& point, const Shortlist& shortlist) const;
   Sample Join(const Groups& groups, int chart) const;
-  Sample NailTerm(const Eigen::Vector3d& point) const;
+  Sample NailTerm(const Eigen::Vector3d& point, int chart) const;
 
   AnatomyTable table_;
   std::vector<int> shape_index_;  ///< into cones_ or ellipsoids_

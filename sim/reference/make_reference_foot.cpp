@@ -100,8 +100,7 @@ std::function<double(const Vector3d&)> BlockedField(const ImplicitFoot& foot) {
 }
 
 /// Spreads the vertices evenly again where bringing the toes back crowded them.
-void EvenOut(const ImplicitFoot& foot, const std::vector<SkinKind>& kinds, const std::vector<std::uint8_t>& charts,
-             TriangleMesh& mesh) {
+void EvenOut(const ImplicitFoot& foot, const std::vector<SkinKind>& kinds, TriangleMesh& mesh) {
   const auto neighbours = VertexNeighbours(mesh.vertices.size(), mesh.triangles);
   for (int pass = 0; pass < 12; ++pass) {
     std::vector<Vector3d> moved = mesh.vertices;
@@ -112,8 +111,9 @@ void EvenOut(const ImplicitFoot& foot, const std::vector<SkinKind>& kinds, const
       moved[v] += 0.3 * (mean / static_cast<double>(neighbours[v].size()) - moved[v]);
     }
     mesh.vertices = std::move(moved);
-    ProjectAllToSkin(foot, kinds, charts, mesh.vertices);
+    ProjectAllToSkin(foot, kinds, ToeCharts(foot, mesh), mesh.vertices);
   }
+  for (int pass = 0; pass < 4; ++pass) ProjectAllToSkin(foot, kinds, ToeCharts(foot, mesh), mesh.vertices);
 }
 
 void Run(const std::string& path) {
@@ -151,7 +151,7 @@ void Run(const std::string& path) {
   }
   const ImplicitFoot closed(mean);
   ProjectAllToSkin(closed, kinds, charts, result.vertices);
-  EvenOut(closed, kinds, charts, result);
+  EvenOut(closed, kinds, result);
   const std::string bytes = EncodeReference(Sorted(result));
   std::ofstream(path, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
   std::printf("%zu vertices, %zu triangles, %zu bytes\n", result.vertices.size(), result.triangles.size(), bytes.size());

@@ -1,0 +1,39 @@
+#include "sim/foot_measures.h"
+
+#include <gtest/gtest.h>
+
+#include "sim/reference_foot.h"
+
+namespace sole::sim {
+namespace {
+
+TEST(MeasureFoot, ScalesWithTheFoot) {
+  std::vector<Eigen::Vector3d> vertices = ReferenceFoot().vertices;
+  const auto once = MeasureFoot(vertices, Side::kRight);
+  for (Eigen::Vector3d& v : vertices) v *= 1.1;
+  for (const auto& [name, value] : MeasureFoot(vertices, Side::kRight)) {
+    EXPECT_NEAR(value, 1.1 * once.at(name), 0.012 * value) << name;
+  }
+}
+
+TEST(MeasureFoot, MirroredAndMovedFootMeasuresTheSame) {
+  std::vector<Eigen::Vector3d> vertices = ReferenceFoot().vertices;
+  const auto right = MeasureFoot(vertices, Side::kRight);
+  for (Eigen::Vector3d& v : vertices) v = Eigen::Vector3d(-v.x(), v.y() - 0.13, v.z());
+  for (const auto& [name, value] : MeasureFoot(vertices, Side::kLeft)) {
+    EXPECT_NEAR(value, right.at(name), 0.05) << name;
+  }
+}
+
+TEST(MeasureFoot, MeanFootLiesWithinTheSurveysRange) {
+  const auto m = MeasureFoot(ReferenceFoot().vertices, Side::kRight);
+  EXPECT_NEAR(m.at("footlength"), 260, 1);
+  EXPECT_NEAR(m.at("footbreadthhorizontal"), 97, 6);
+  EXPECT_NEAR(m.at("balloffootlength"), 192, 5);
+  EXPECT_NEAR(m.at("balloffootcircumference"), 241, 12);
+  EXPECT_NEAR(m.at("heelbreadth"), 66, 8);
+  EXPECT_NEAR(m.at("anklecircumference"), 220, 15);
+}
+
+}  // namespace
+}  // namespace sole::sim
