@@ -12,7 +12,7 @@ struct FuseOptions {
   double voxel_m = 0.001;                ///< points of one voxel are merged
   double max_disagreement_m = 0.0004;    ///< pairs that differ more in a voxel are not averaged
   int neighbours = 20;                   ///< for normals and outliers
-  double outlier_deviations = 2.5;       ///< of the mean neighbour distance
+  double outlier_deviations = 3.5;       ///< of the mean neighbour distance
   double max_plane_residual_m = 0.0006;  ///< of a point from the plane of its neighbours
   double connect_m = 0.003;              ///< points nearer than this belong together
   int min_component = 300;               ///< merged points of a separate piece of foot

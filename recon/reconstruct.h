@@ -27,7 +27,7 @@ struct ReconstructOptions {
   FuseOptions fuse = {};
   /// Between matched points on the surface; sets grid.step_px of each pair, so that cameras of low
   /// resolution give as many points.
-  double spacing_m = 0.0008;
+  double spacing_m = 0.00075;
   int min_matches = 200;  ///< a pair with fewer sees no foot
 };
 
