@@ -134,6 +134,20 @@ DerivedModelData::Influences InfluencesFrom(const Eigen::MatrixXd& weights) {
   return influences;
 }
 
+std::vector<bool> CorrectedJoints(const ModelSurface& surface, Family family, Eigen::Index joints) {
+  std::vector<bool> corrected(static_cast<std::size_t>(surface.NumVertices() * joints), false);
+  if (surface.posedirs.cols() == 0) return corrected;
+  const Eigen::Index size = family == Family::kSmpl ? 9 : 4,
+                     first = family == Family::kSupr ? 0 : 1;
+  for (Eigen::Index i = 0; i < surface.NumVertices(); ++i) {
+    for (Eigen::Index j = first; j < joints; ++j) {
+      corrected[static_cast<std::size_t>(i * joints + j)] =
+          (surface.posedirs.block(3 * i, size * (j - first), 3, size).array() != 0).any();
+    }
+  }
+  return corrected;
+}
+
 /// Joints (stacked, 3K) of stacked vertex coordinates (3N x M); `offset` = 1 for positions, 0 for
 /// differences.
 Eigen::MatrixXd RegressJoints(const FootModel& model, const Eigen::MatrixXd& stacked,
@@ -170,6 +184,8 @@ void Prepare(FootModel& model) {
   model.derived.joint_shapedirs = RegressJoints(model, model.coarse.shapedirs, 0);
   model.derived.coarse = InfluencesFrom(model.coarse.weights);
   model.derived.fine = InfluencesFrom(model.fine.weights);
+  model.derived.coarse_corrected = CorrectedJoints(model.coarse, model.family, k);
+  model.derived.fine_corrected = CorrectedJoints(model.fine, model.family, k);
 }
 
 const ModelSurface& SurfaceOf(const FootModel& model, Variant variant) {

@@ -64,6 +64,8 @@ class VertexDifferentiator {
         parameters_(parameters),
         surface_(SurfaceOf(model, variant)),
         influences_(InfluencesOf(model, variant)),
+        corrected_(variant == Variant::kCoarse ? model.derived.coarse_corrected
+                                               : model.derived.fine_corrected),
         columns_(ColumnsOf(model, parameters)),
         pose_(DifferentiatePose(model, parameters)),
         rest_(RestVertices(model, parameters, variant)),
@@ -120,7 +122,7 @@ class VertexDifferentiator {
     if (surface_.posedirs.cols() > 0) {
       for (std::size_t j = 0; j < masses_.size(); ++j) {
         const FeatureBlock& block = pose_.features[j];
-        if (block.jacobian.rows() == 0) continue;
+        if (!corrected_[static_cast<std::size_t>(i) * masses_.size() + j]) continue;
         const auto directions =
             surface_.posedirs.block(3 * i, block.first, 3, block.jacobian.rows());
         jacobian.block<3, 3>(row, columns_.theta + 3 * static_cast<Eigen::Index>(j)) +=
@@ -141,6 +143,7 @@ class VertexDifferentiator {
   const ModelParameters& parameters_;
   const ModelSurface& surface_;
   const DerivedModelData::Influences& influences_;
+  const std::vector<bool>& corrected_;
   ParameterColumns columns_;
   PoseDerivative pose_;
   Eigen::MatrixX3d rest_;
