@@ -14,7 +14,7 @@ struct BuilderOptions {
   std::uint64_t first_seed = 400;
   int shape_people = 300;  ///< seeds first_seed ... : rest shapes
   int motion_people = 24;  ///< the first of them are posed as well
-  int poses = 12;          ///< of each
+  int poses = 10;          ///< of each
   int betas = 15;
   int skinning_rounds = 2;  ///< of pose estimation and weights in turn
   bool correctives = true;  ///< learn linear pose correctives
