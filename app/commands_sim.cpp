@@ -13,6 +13,7 @@
 #include "app/simulation.h"
 #include "core/error.h"
 #include "io/rig_file.h"
+#include "sim/motion.h"
 
 namespace sole::app {
 namespace {
@@ -30,7 +31,7 @@ struct SimArguments {
 void AddSceneOptions(CLI::App* command, SimArguments& a) {
   command->add_option("RIG", a.rig, "Rig file; cameras need loopback addresses")->required();
   command->add_option("--seed", a.seed, "Subject and true rig")->capture_default_str();
-  command->add_option("--motion", a.motion, "stand, rock or air")->capture_default_str();
+  command->add_option("--motion", a.motion, sim::MotionList())->capture_default_str();
   command->add_option("--frames", a.frames, "Frame sets to render")->check(CLI::Range(1, 100000))->capture_default_str();
   command->add_option("--noise", a.noise, "Scale of the sensor noise; default from the rig file")->check(CLI::Range(0.0, 100.0));
   command->add_flag("--calibration", a.calibration, "The calibration cube in --frames poses instead of a foot");
@@ -95,7 +96,7 @@ void AddSimCommands(CLI::App& app, CommonOptions& common, int& status) {
   demo->footer("Example: sole demo --out demo-out --seed 7\nEnds with OUT/report.html and OUT/summary.json.");
   demo->add_option("--out", d->out, "Directory for everything that is made")->required();
   demo->add_option("--seed", d->seed, "Subject and true rig")->capture_default_str();
-  demo->add_option("--motion", d->motion, "stand, rock or air")->capture_default_str();
+  demo->add_option("--motion", d->motion, sim::MotionList())->capture_default_str();
   demo->add_option("--frames", d->frames, "Triggers of the foot's take")->check(CLI::Range(1, 10000))->capture_default_str();
   demo->add_option("--poses", d->poses, "Poses of the calibration cube")->check(CLI::Range(6, 1000))->capture_default_str();
   demo->add_option("--cameras", d->cameras, "4, 8 or 20")->check(CLI::IsMember({4, 8, 20}))->capture_default_str();

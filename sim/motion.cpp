@@ -9,6 +9,7 @@
 
 #include "core/error.h"
 #include "sim/reference_foot.h"
+#include "sim/step_motion.h"
 
 namespace sole::sim {
 namespace {
@@ -103,12 +104,40 @@ std::vector<MotionFrame> Air(const Subject& subject, const MotionOptions& option
       pose.angles_rad["pip" + number + ".dorsiflexion"] = -0.2 + 0.2 * toes.At(t + 0.1);
     }
     MotionFrame frame = Pressed(subject, pose, {}, t);
-    double lowest = 1;
-    for (const Eigen::Vector3d& v : frame.foot.foot.vertices_m) lowest = std::min(lowest, v.z());
-    const Eigen::Vector3d lift(0, 0, 0.04 + 0.02 * height.At(t) - lowest);
-    for (Eigen::Vector3d& v : frame.foot.foot.vertices_m) v += lift;
-    for (Rigid3& bone : frame.foot.foot.world_from_rest) bone.translation += lift;
+    HoldAbovePlate(0.04 + 0.02 * height.At(t), frame);
     frames.push_back(std::move(frame));
+  }
+  return frames;
+}
+
+/// Curls, then spreads the toes, over and over; the heel stays where it is.
+std::vector<MotionFrame> Toes(const Subject& subject, const MotionOptions& options, std::mt19937_64& random) {
+  constexpr double kPeriod = 2.4;  // seconds for a curl and a spread
+  constexpr double kHeel = 0.045;  // room for the curled toes
+  Rigid3 placement = DrawPlacement(subject, random);
+  placement.translation.z() += kHeel;
+  std::uniform_real_distribution<double> unit(-1, 1);
+  const double strength = 1 + 0.1 * unit(random);
+  std::vector<MotionFrame> frames;
+  for (int i = 0; i < options.frames; ++i) {
+    const double t = i / options.rate_hz;
+    const double wave = std::sin(2 * std::numbers::pi * t / kPeriod);
+    const double curl = strength * std::max(wave, 0.0), spread = strength * std::max(-wave, 0.0);
+    FootPose pose;
+    pose.world_from_foot = placement;
+    for (int toe = 1; toe <= 5; ++toe) {
+      const std::string number = "_" + std::to_string(toe);
+      const double late = 1 - 0.06 * (toe - 1);
+      pose.angles_rad["mtp" + number + ".dorsiflexion"] = -0.25 * late * curl + 0.12 * spread;
+      pose.angles_rad["mtp" + number + ".abduction"] = (toe == 1 ? 0.12 : -0.05 * (toe - 2)) * spread;
+      if (toe == 1) {
+        pose.angles_rad["ip_1.dorsiflexion"] = -0.5 * curl;
+        continue;
+      }
+      pose.angles_rad["pip" + number + ".dorsiflexion"] = -0.6 * late * curl;
+      pose.angles_rad["dip" + number + ".dorsiflexion"] = -0.35 * late * curl;
+    }
+    frames.push_back(Pressed(subject, pose, {}, t));
   }
   return frames;
 }
@@ -116,8 +145,15 @@ std::vector<MotionFrame> Air(const Subject& subject, const MotionOptions& option
 }  // namespace
 
 const std::vector<std::string>& MotionNames() {
-  static const std::vector<std::string> names = {"stand", "rock", "air"};
+  static const std::vector<std::string> names = {"stand", "rock", "walk", "run", "jump", "air", "toes"};
   return names;
+}
+
+std::string MotionList() {
+  const std::vector<std::string>& names = MotionNames();
+  std::string list = names.front();
+  for (std::size_t i = 1; i < names.size(); ++i) list += (i + 1 < names.size() ? ", " : " or ") + names[i];
+  return list;
 }
 
 FootMotion MakeMotion(const Subject& subject, const MotionOptions& options) {
@@ -129,7 +165,11 @@ FootMotion MakeMotion(const Subject& subject, const MotionOptions& options) {
   if (options.motion == "stand") motion.frames = Stand(subject, options, random);
   else if (options.motion == "rock") motion.frames = Rock(subject, options, random);
   else if (options.motion == "air") motion.frames = Air(subject, options, random);
-  else throw Error("unknown motion '" + options.motion + "': use stand, rock or air");
+  else if (options.motion == "toes") motion.frames = Toes(subject, options, random);
+  else if (IsStepMotion(options.motion)) {
+    const Rigid3 placement = DrawPlacement(subject, random);
+    motion.frames = MakeStepMotion(subject, options, placement, random);
+  } else throw Error("unknown motion '" + options.motion + "': use " + MotionList());
   return motion;
 }
 

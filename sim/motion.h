@@ -14,7 +14,7 @@ struct MotionOptions {
   int frames = 10;
   double rate_hz = 10;
   std::uint64_t seed = 1;
-  double mean_load = 0.5;  ///< of body weight
+  double mean_load = 0.5;  ///< of body weight, while standing and rocking
 };
 
 struct MotionFrame {
@@ -28,9 +28,12 @@ struct FootMotion {
   std::vector<MotionFrame> frames;
 };
 
-/// "stand": quiet standing with sway; "rock": the load goes from heel to forefoot and back; "air": ankle and toe movement
-/// 20 to 60 mm above the plate.
+/// "stand": quiet standing with sway; "rock": the load goes from heel to forefoot and back, once over all frames; "air": ankle and
+/// toe movement 20 to 60 mm above the plate; "walk", "run" and "jump": the foot comes down on the plate, in real time from 0.1 to
+/// 0.2 s before (step_motion.h); "toes": curls and spreads above the plate, the rest of the foot held still.
 const std::vector<std::string>& MotionNames();
+/// The same as prose: "stand, rock, ... or toes".
+std::string MotionList();
 
 /// Throws Error for an unknown motion, listing the known ones, or for impossible options.
 FootMotion MakeMotion(const Subject& subject, const MotionOptions& options);

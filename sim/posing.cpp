@@ -72,8 +72,8 @@ void LowerToes(const Subject& subject, const Rigid3& foot_from_world, double sin
     return lowest;
   };
   for (int toe = 1; toe <= 5; ++toe) {
-    double down = -0.5, high = 0.35;
-    for (int i = 0; i < 14; ++i) {
+    double down = -0.5, high = 1.05;
+    for (int i = 0; i < 15; ++i) {
       const double middle = 0.5 * (down + high);
       std::map<std::string, double> angles = pose.angles_rad;
       BendToe(toe, middle, angles);

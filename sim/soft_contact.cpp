@@ -289,21 +289,29 @@ LoadedFoot PressOnPlate(const Subject& subject, const FootPose& pose, const Cont
   return loaded;
 }
 
-FootPose LoadedStandingPose(const Subject& subject, double load_n, double pressure_centre_y) {
-  constexpr double kGravity = 9.81;
-  const double share = std::clamp(load_n / (subject.weight_kg * kGravity), 0.0, 1.2);
-  FootPose pose;
-  pose.world_from_foot = StandingPlacement(subject);
+void LowerArch(double share, FootPose& pose) {
   pose.angles_rad["midtarsal.dorsiflexion"] = 0.087 * (1 - std::exp(-2.5 * share));
   pose.angles_rad["subtalar.inversion"] = -0.035 * share;
   for (int ray = 1; ray <= 5; ++ray) {
     pose.angles_rad["tarsometatarsal_" + std::to_string(ray) + ".dorsiflexion"] = 0.015 * share;
   }
-  // Heel and ball find the ground, then the toes reach for it; their pulps give way, so they sink only a little.
+}
+
+void ReachForGround(const Subject& subject, const ContactOptions& options, double sink_m, FootPose& pose) {
   const Sole sole(subject, PoseFoot(subject, pose).vertices_m, false);
-  const Solution ground = SolveBalance(
-      sole, {.load_n = load_n, .pressure_centre_y = pressure_centre_y, .pressure_centre_x_m = {}});
-  LowerToes(subject, (ground.motion * pose.world_from_foot).Inverse(), 0.0016 + 0.0018 * share, pose);
+  const Solution ground = SolveBalance(sole, options);
+  LowerToes(subject, (ground.motion * pose.world_from_foot).Inverse(), sink_m, pose);
+}
+
+FootPose LoadedStandingPose(const Subject& subject, double load_n, double pressure_centre_y) {
+  constexpr double kGravity = 9.81;
+  const double share = std::clamp(load_n / (subject.weight_kg * kGravity), 0.0, 1.2);
+  FootPose pose;
+  pose.world_from_foot = StandingPlacement(subject);
+  LowerArch(share, pose);
+  // The pulps give way, so they sink only a little.
+  ReachForGround(subject, {.load_n = load_n, .pressure_centre_y = pressure_centre_y, .pressure_centre_x_m = {}},
+                 0.0016 + 0.0018 * share, pose);
   return pose;
 }
 

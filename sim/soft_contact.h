@@ -13,8 +13,8 @@ namespace sole::sim {
 struct ContactOptions {
   double load_n = 0;  ///< 0 or less: no contact is sought, the pose stands as given
   /// Centre of pressure along the foot, 0 = heel, 1 = toe tip; absent: tilt stays as posed and only the height is solved.
-  std::optional<double> pressure_centre_y;
-  std::optional<double> pressure_centre_x_m;  ///< world; absent: no roll is solved
+  std::optional<double> pressure_centre_y = {};
+  std::optional<double> pressure_centre_x_m = {};  ///< world; absent: no roll is solved
 };
 
 /// A foot on the rigid plate z = 0, world frame. Vectors have one value per vertex.
@@ -33,6 +33,13 @@ struct LoadedFoot {
 /// Presses a posed foot on the plate: elastic columns over the bones carry the load, height and tilt
 /// are solved for balance, the skin is laid on the plate, leaves it with a smooth profile and bulges sideways.
 LoadedFoot PressOnPlate(const Subject& subject, const FootPose& pose, const ContactOptions& options);
+
+/// Lowers the arch as a load does; `share` of the body weight, 0 to 1.2.
+void LowerArch(double share, FootPose& pose);
+
+/// Heel and ball find the ground under the load as `options` say, then the toes reach for it until their pulps would be
+/// `sink_m` below it.
+void ReachForGround(const Subject& subject, const ContactOptions& options, double sink_m, FootPose& pose);
 
 /// A standing person's pose under a load (newtons): the arch lowered, the toes on the ground.
 FootPose LoadedStandingPose(const Subject& subject, double load_n, double pressure_centre_y = 0.42);

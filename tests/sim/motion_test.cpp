@@ -65,5 +65,124 @@ TEST(MakeMotion, AirKeepsTwoToSixCentimetresAndMovesTheToes) {
   EXPECT_NE(motion.frames[0].angles_rad.at("mtp_1.dorsiflexion"), motion.frames[1].angles_rad.at("mtp_1.dorsiflexion"));
 }
 
+int ContactsIn(const LoadedFoot& foot, double from_m, double to_m) {
+  int count = 0;
+  for (std::size_t v = 0; v < foot.contact.size(); ++v) {
+    const double y = ReferenceFoot().vertices[v].y();
+    if (foot.contact[v] != 0 && y >= from_m && y < to_m) ++count;
+  }
+  return count;
+}
+
+/// Nothing below the plate, a sound surface and joints within their ranges.
+void ExpectValid(const Subject& subject, const FootMotion& motion, const MotionFrame& frame) {
+  const std::vector<Eigen::Vector3d>& vertices = frame.foot.foot.vertices_m;
+  const auto at = [&](int v) { return vertices[static_cast<std::size_t>(v)]; };
+  for (const Eigen::Vector3d& v : vertices) {
+    ASSERT_TRUE(v.allFinite());
+    ASSERT_GE(v.z(), 0);
+  }
+  const std::vector<Eigen::Vector3d> normals = VertexNormals({vertices, motion.triangles});
+  double area = 0, folded = 0, volume = 0, rest_volume = 0;
+  const std::vector<Eigen::Vector3d> rest = SubjectRestMesh(subject).vertices;
+  for (const Eigen::Vector3i& t : motion.triangles) {
+    const auto a = static_cast<std::size_t>(t[0]), b = static_cast<std::size_t>(t[1]), c = static_cast<std::size_t>(t[2]);
+    const Eigen::Vector3d cross = (at(t[1]) - at(t[0])).cross(at(t[2]) - at(t[0]));
+    area += cross.norm();
+    if (cross.dot(normals[a] + normals[b] + normals[c]) < 0) folded += cross.norm();
+    volume += at(t[0]).dot(at(t[1]).cross(at(t[2])));
+    rest_volume += rest[a].dot(rest[b].cross(rest[c]));
+  }
+  EXPECT_LT(folded, 0.001 * area);
+  EXPECT_NEAR(volume / rest_volume, 1, 0.05);
+  for (const JointAxis& joint : JointAxes(subject)) {
+    const auto angle = frame.angles_rad.find(joint.name);
+    if (angle == frame.angles_rad.end()) continue;
+    EXPECT_GE(angle->second, joint.min_rad) << joint.name;
+    EXPECT_LE(angle->second, joint.max_rad) << joint.name;
+  }
+}
+
+double LowestOf(const MotionFrame& frame) {
+  double lowest = 1;
+  for (const Eigen::Vector3d& v : frame.foot.foot.vertices_m) lowest = std::min(lowest, v.z());
+  return lowest;
+}
+
+TEST(MakeMotion, WalkingStrikesStandsRaisesTheHeelAndLeavesInThatOrder) {
+  const Subject subject = MeanSubject();
+  const FootMotion motion = MakeMotion(subject, {.motion = "walk", .frames = 14, .rate_hz = 15, .seed = 5});
+  std::string phases;
+  double strike_centre = 0, push_centre = 0, push_off = 0;
+  for (const MotionFrame& frame : motion.frames) {
+    SCOPED_TRACE(frame.time_s);
+    ExpectValid(subject, motion, frame);
+    const int heel = ContactsIn(frame.foot, -1, 0.09), fore = ContactsIn(frame.foot, 0.14, 1);
+    const char phase = heel == 0 && fore == 0 ? 'a' : fore == 0 ? 's' : heel > 0 ? 'f' : 'h';
+    if (phases.empty() || phases.back() != phase) phases += phase;
+    if (phase == 's') strike_centre = frame.foot.pressure_centre_m.y();
+    if (phase == 'h') push_centre = frame.foot.pressure_centre_m.y();
+    if (phase == 'h') push_off = std::max(push_off, frame.angles_rad.at("mtp_1.dorsiflexion"));
+    if (phase == 'a') {
+      EXPECT_GT(LowestOf(frame), 1.5e-4);
+    }
+  }
+  EXPECT_EQ(phases, "asfha");
+  EXPECT_GT(push_centre, strike_centre + 0.12);
+  EXPECT_GT(push_off, 40 * M_PI / 180);
+  EXPECT_LT(push_off, 60 * M_PI / 180);
+}
+
+TEST(MakeMotion, RunningTouchesBrieflyAndHarderThanWalking) {
+  const Subject subject = MeanSubject();
+  const FootMotion motion = MakeMotion(subject, {.motion = "run", .frames = 7, .rate_hz = 20, .seed = 5});
+  double largest = 0;
+  int touching = 0;
+  for (const MotionFrame& frame : motion.frames) {
+    ExpectValid(subject, motion, frame);
+    largest = std::max(largest, frame.foot.total_load_n);
+    if (frame.foot.total_load_n > 0) ++touching;
+  }
+  EXPECT_GT(largest, 1.9 * 9.81 * subject.weight_kg);
+  EXPECT_GE(touching, 4);
+  EXPECT_LE(touching, 5);
+}
+
+TEST(MakeMotion, LandingStartsOnTheForefootAndEndsStanding) {
+  const Subject subject = MeanSubject();
+  const FootMotion motion = MakeMotion(subject, {.motion = "jump", .frames = 15, .rate_hz = 50, .seed = 5});
+  EXPECT_GT(LowestOf(motion.frames.front()), 0.05);
+  const auto first = std::find_if(motion.frames.begin(), motion.frames.end(),
+                                  [](const MotionFrame& frame) { return frame.foot.total_load_n > 0; });
+  ASSERT_NE(first, motion.frames.end());
+  EXPECT_EQ(ContactsIn(first->foot, -1, 0.09), 0);
+  EXPECT_GT(ContactsIn(first->foot, 0.14, 1), 100);
+  EXPECT_GT(ContactsIn(motion.frames.back().foot, -1, 0.09), 300);
+  for (auto frame = first; frame != motion.frames.end(); frame += 2) {
+    ExpectValid(subject, motion, *frame);
+    if (motion.frames.end() - frame < 2) break;
+  }
+}
+
+TEST(MakeMotion, ToesMovesTheToesOnly) {
+  const Subject subject = MeanSubject(Side::kLeft);
+  const FootMotion motion = MakeMotion(subject, {.motion = "toes", .frames = 4, .rate_hz = 1.6, .seed = 5});
+  const auto& rest = motion.frames[0].foot.foot.vertices_m;
+  for (const MotionFrame& frame : motion.frames) {
+    ExpectValid(subject, motion, frame);
+    double toes = 0, others = 0;
+    for (std::size_t v = 0; v < rest.size(); ++v) {
+      const double moved = (frame.foot.foot.vertices_m[v] - rest[v]).norm();
+      const double y = ReferenceFoot().vertices[v].y();
+      (y > 0.215 ? toes : others) = std::max(y > 0.215 ? toes : others, y > 0.215 || y < 0.14 ? moved : 0);
+    }
+    EXPECT_LT(others, 1e-6);
+    if (&frame != &motion.frames[0]) {
+      EXPECT_GT(toes, 5e-4);
+    }
+    EXPECT_GT(LowestOf(frame), 0.01);
+  }
+}
+
 }  // namespace
 }  // namespace sole::sim
