@@ -22,5 +22,6 @@ void AddCommands(CLI::App& app, CommonOptions& common, int& status);
 void AddSimCommands(CLI::App& app, CommonOptions& common, int& status);
 void AddCaptureCommands(CLI::App& app, CommonOptions& common, int& status);
 void AddProcessingCommands(CLI::App& app, CommonOptions& common, int& status);
+void AddMatchCommand(CLI::App& app, CommonOptions& common, int& status);
 
 }  // namespace sole::app

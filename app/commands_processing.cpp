@@ -130,6 +130,7 @@ void AddCommands(CLI::App& app, CommonOptions& common, int& status) {
   AddSimCommands(app, common, status);
   AddCaptureCommands(app, common, status);
   AddProcessingCommands(app, common, status);
+  AddMatchCommand(app, common, status);
 }
 
 }  // namespace sole::app

@@ -60,10 +60,10 @@ class Grid {
     for (int i = 0; i < Count(); ++i) At(i).lit = mask.At(Pixel(i).x(), Pixel(i).y()) != 0;
   }
 
-  void MatchFromDisparity(const Rectification& rectification, const ImageF& disparity) {
+  void MatchFrom(const StartFunction& start_of) {
     tbb::parallel_for(0, Count(), [&](int i) {
       if (!At(i).lit) return;
-      const auto start = StartFromDisparity(rectification, disparity, Pixel(i));
+      const auto start = start_of(Pixel(i));
       if (start) Try(i, *start);
     });
   }
@@ -94,13 +94,10 @@ class Grid {
       refined[static_cast<std::size_t>(i)] =
           MatchSubset(left_, right_, &mask_, Pixel(i), start, subset_);
     });
-    // The curvature is noisy too; on speckle with noise of 1 to 5 grey levels it adds about as much
-    // variance.
-    constexpr double kVarianceFactor = 1.7;
     for (int i = 0; i < Count(); ++i) {
       if (!Matched(i)) continue;
       At(i).match = refined[static_cast<std::size_t>(i)];
-      At(i).match.covariance_px2 *= kVarianceFactor;
+      At(i).match.covariance_px2 *= kCurvatureVarianceFactor;
     }
   }
 
@@ -210,14 +207,26 @@ class Grid {
     return agreeing >= options_.min_agreeing && 2 * agreeing >= matched;
   }
 
-  std::optional<SubsetWarp> StartFromDisparity(const Rectification& rectification,
-                                               const ImageF& disparity,
-                                               const Eigen::Vector2i& pixel) const {
+  const PreparedImage& left_;
+  const PreparedImage& right_;
+  const ImageU8& mask_;
+  const GridOptions& options_;
+  const SubsetOptions& subset_;
+  int cols_, rows_;
+  std::vector<Node> nodes_;
+};
+
+}  // namespace
+
+StartFunction StartsFromDisparity(const Rectification& rectification, const ImageF& disparity,
+                                  int radius_px) {
+  return [&rectification, &disparity,
+          radius_px](const Eigen::Vector2i& pixel) -> std::optional<SubsetWarp> {
     const RectifiedView& view = rectification.left;
     const Eigen::Vector2d raw = pixel.cast<double>();
     const Eigen::Vector2d centre = RectifiedFromRaw(rectification, view, raw);
     if (!centre.allFinite()) return {};
-    const auto local = FitDisparity(disparity, centre, options_.plane_radius_px);
+    const auto local = FitDisparity(disparity, centre, radius_px);
     if (!local) return {};
     const auto map = [&](const Eigen::Vector2d& left_px) {
       const Eigen::Vector2d rect = RectifiedFromRaw(rectification, view, left_px);
@@ -232,30 +241,39 @@ class Grid {
     warp.gradient.col(1) = (map(raw + Eigen::Vector2d(0, kStep)) - warp.position_px) / kStep;
     if (!warp.position_px.allFinite() || !warp.gradient.allFinite()) return {};
     return warp;
-  }
+  };
+}
 
-  const PreparedImage& left_;
-  const PreparedImage& right_;
-  const ImageU8& mask_;
-  const GridOptions& options_;
-  const SubsetOptions& subset_;
-  int cols_, rows_;
-  std::vector<Node> nodes_;
-};
-
-}  // namespace
+StartFunction StartsFromDisparity(const ImageF& disparity, int radius_px) {
+  return [&disparity, radius_px](const Eigen::Vector2i& pixel) -> std::optional<SubsetWarp> {
+    const auto local = FitDisparity(disparity, pixel.cast<double>(), radius_px);
+    if (!local) return {};
+    SubsetWarp warp;
+    warp.position_px = Eigen::Vector2d(pixel.x() - local->value, pixel.y());
+    warp.gradient << 1 - local->slope_x, -local->slope_y, 0, 1;
+    return warp;
+  };
+}
 
 GridMatches MatchOnGrid(const PreparedImage& left, const PreparedImage& right, const ImageU8& mask,
-                        const Rectification& rectification, const ImageF& disparity,
-                        const GridOptions& grid, const SubsetOptions& subset) {
+                        const StartFunction& start, const GridOptions& grid,
+                        const SubsetOptions& subset) {
   Require(grid.step_px >= 1 && grid.plane_radius_px >= 1,
           "grid step_px and plane_radius_px must be at least 1");
   Grid nodes(left, right, mask, grid, subset);
-  nodes.MatchFromDisparity(rectification, disparity);
+  nodes.MatchFrom(start);
   for (int round = 0; round < grid.max_rounds && nodes.Grow(); ++round) {
   }
   if (grid.curvature_reach > 0) nodes.AddCurvature();
   return nodes.Collect();
+}
+
+GridMatches MatchOnGrid(const PreparedImage& left, const PreparedImage& right, const ImageU8& mask,
+                        const Rectification& rectification, const ImageF& disparity,
+                        const GridOptions& grid, const SubsetOptions& subset) {
+  return MatchOnGrid(left, right, mask,
+                     StartsFromDisparity(rectification, disparity, grid.plane_radius_px), grid,
+                     subset);
 }
 
 }  // namespace sole::recon

@@ -6,6 +6,8 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "core/error.h"
+
 namespace sole::recon {
 namespace {
 
@@ -28,6 +30,26 @@ cv::Mat Resample(const ImageU8& raw, const Rectification& rectification,
   return rectified;
 }
 
+/// OpenCV's three-way semi-global matching; NaN where there is no disparity. Returns `width` columns
+/// from `first_column`.
+ImageF SemiGlobal(const cv::Mat& left, const cv::Mat& right, int min_disparity, int disparities,
+                  const MatchOptions& options, int first_column, int width) {
+  const int area = options.block_px * options.block_px;
+  const auto matcher = cv::StereoSGBM::create(
+      min_disparity, disparities, options.block_px, 4 * area, 24 * area, 1, 31, options.uniqueness,
+      options.min_region_px, 2, cv::StereoSGBM::MODE_SGBM_3WAY);
+  cv::Mat fixed;
+  matcher->compute(left, right, fixed);
+  ImageF disparity(width, left.rows, std::numeric_limits<float>::quiet_NaN());
+  for (int y = 0; y < fixed.rows; ++y) {
+    const auto* row = fixed.ptr<std::int16_t>(y) + first_column;
+    for (int x = 0; x < width; ++x) {
+      if (row[x] >= 16 * min_disparity) disparity.At(x, y) = static_cast<float>(row[x]) / 16.0F;
+    }
+  }
+  return disparity;
+}
+
 /// Grey level below which a share of the pixels lies.
 int Quantile(const std::array<std::size_t, 256>& histogram, std::size_t total, double share) {
   std::size_t below = 0;
@@ -42,23 +64,23 @@ int Quantile(const std::array<std::size_t, 256>& histogram, std::size_t total, d
 
 ImageF InitialDisparity(const ImageU8& left, const ImageU8& right,
                         const Rectification& rectification, const MatchOptions& options) {
-  const cv::Mat rect_left = Resample(left, rectification, rectification.left);
-  const cv::Mat rect_right = Resample(right, rectification, rectification.right);
-  const int area = options.block_px * options.block_px;
-  const auto matcher = cv::StereoSGBM::create(
-      0, rectification.disparities, options.block_px, 4 * area, 24 * area, 1, 31,
-      options.uniqueness, options.min_region_px, 2, cv::StereoSGBM::MODE_SGBM_3WAY);
-  cv::Mat fixed;
-  matcher->compute(rect_left, rect_right, fixed);
-  ImageF disparity(rectification.width, rectification.height,
-                   std::numeric_limits<float>::quiet_NaN());
-  for (int y = 0; y < fixed.rows; ++y) {
-    const auto* row = fixed.ptr<std::int16_t>(y);
-    for (int x = 0; x < fixed.cols; ++x) {
-      if (row[x] >= 0) disparity.At(x, y) = static_cast<float>(row[x]) / 16.0F;
-    }
-  }
-  return disparity;
+  return SemiGlobal(Resample(left, rectification, rectification.left),
+                    Resample(right, rectification, rectification.right), 0,
+                    rectification.disparities, options, 0, rectification.width);
+}
+
+ImageF SemiGlobalDisparity(const ImageU8& left, const ImageU8& right, int min_disparity,
+                           int disparities, const MatchOptions& options) {
+  Require(left.width == right.width && left.height == right.height,
+          "a rectified pair must have images of one size");
+  Require(disparities >= 16 && disparities % 16 == 0,
+          "the number of disparities must be a multiple of 16");
+  // Pixels whose whole range does not lie in the right image would be left out: widen both images.
+  const int before = std::max(0, min_disparity + disparities), after = std::max(0, -min_disparity);
+  cv::Mat wide_left, wide_right;
+  cv::copyMakeBorder(View(left), wide_left, 0, 0, before, after, cv::BORDER_CONSTANT);
+  cv::copyMakeBorder(View(right), wide_right, 0, 0, before, after, cv::BORDER_CONSTANT);
+  return SemiGlobal(wide_left, wide_right, min_disparity, disparities, options, before, left.width);
 }
 
 Foreground FindForeground(const ImageU8& image, const ForegroundOptions& options) {

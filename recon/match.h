@@ -19,6 +19,12 @@ struct MatchOptions {
 ImageF InitialDisparity(const ImageU8& left, const ImageU8& right,
                         const Rectification& rectification, const MatchOptions& options = {});
 
+/// Semi-global matching of a pair that is rectified already: right x = left x - disparity, with
+/// disparities from `min_disparity` (any sign) to below min_disparity + `disparities` (a multiple
+/// of 16). Pixels; NaN where there is none.
+ImageF SemiGlobalDisparity(const ImageU8& left, const ImageU8& right, int min_disparity,
+                           int disparities, const MatchOptions& options = {});
+
 struct ForegroundOptions {
   int close_px = 6;              ///< dark gaps of the speckle up to twice this are filled
   double relative_level = 0.10;  ///< of the range from background to bright that counts as lit

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "core/error.h"
 #include "recon/subset_kernel_internal.h"
@@ -99,18 +100,23 @@ WarpPolynomial Polynomial(const SubsetWarp& w) {
 }  // namespace
 
 PreparedImage Prepare(const ImageU8& image, bool with_gradients) {
-  Require(image.width >= 16 && image.height >= 16,
-          "image too small to match: at least 16 x 16 pixels");
+  ImageF grey(image.width, image.height);
+  std::copy(image.pixels.begin(), image.pixels.end(), grey.pixels.begin());
+  return Prepare(std::move(grey), with_gradients);
+}
+
+PreparedImage Prepare(ImageF grey, bool with_gradients) {
+  const int width = grey.width, height = grey.height;
+  Require(width >= 16 && height >= 16, "image too small to match: at least 16 x 16 pixels");
   PreparedImage result;
-  result.coefficients = ImageF(image.width, image.height);
-  std::copy(image.pixels.begin(), image.pixels.end(), result.coefficients.pixels.begin());
-  if (with_gradients) result.grey = result.coefficients;
-  tbb::parallel_for(0, image.height,
-                    [&](int y) { PrefilterRow(result.coefficients.Row(y).data(), image.width); });
+  if (with_gradients) result.grey = grey;
+  result.coefficients = std::move(grey);
+  tbb::parallel_for(0, height,
+                    [&](int y) { PrefilterRow(result.coefficients.Row(y).data(), width); });
   constexpr int kStrip = 128;
-  tbb::parallel_for(0, (image.width + kStrip - 1) / kStrip, [&](int strip) {
+  tbb::parallel_for(0, (width + kStrip - 1) / kStrip, [&](int strip) {
     PrefilterColumns(result.coefficients, strip * kStrip,
-                     std::min((strip + 1) * kStrip, image.width));
+                     std::min((strip + 1) * kStrip, width));
   });
   if (with_gradients) FillGradients(result);
   return result;

@@ -13,6 +13,8 @@ struct PreparedImage {
   ImageF grey, gradient_x, gradient_y;  ///< empty unless asked for
 };
 PreparedImage Prepare(const ImageU8& image, bool with_gradients);
+/// The same for grey levels of any depth, scaled to 0 to 255.
+PreparedImage Prepare(ImageF grey, bool with_gradients);
 
 /// Grey level at a position by cubic B-spline; NaN within 2 pixels of the border.
 double GreyAt(const PreparedImage& image, const Eigen::Vector2d& position_px);

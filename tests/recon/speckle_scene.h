@@ -3,6 +3,7 @@
 #include <tbb/parallel_for.h>
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <functional>
@@ -127,9 +128,10 @@ struct SceneOptions {
   std::uint64_t seed = 1;
 };
 
-inline ImageU8 RenderSpeckle(const Camera& camera, const Plate& plate, const Surface& surface,
-                             const SceneOptions& options = {}) {
-  ImageU8 image(camera.width, camera.height);
+/// Grey levels before they are rounded.
+inline ImageF RenderSpeckleLevels(const Camera& camera, const Plate& plate, const Surface& surface,
+                                  const SceneOptions& options = {}) {
+  ImageF image(camera.width, camera.height);
   tbb::parallel_for(0, camera.height, [&](int y) {
     std::mt19937_64 engine(options.seed * 1000003 + static_cast<std::uint64_t>(y));
     std::normal_distribution<double> noise(0, 1);
@@ -145,9 +147,19 @@ inline ImageU8 RenderSpeckle(const Camera& camera, const Plate& plate, const Sur
                                      SolidSpeckle(origin + *t * direction, options.cell_m)
                  : options.background;
       }
-      const double grey = sum / (options.samples * options.samples) + options.noise * noise(engine);
-      image.At(x, y) = static_cast<std::uint8_t>(std::clamp(std::lround(grey), 0L, 255L));
+      image.At(x, y) = static_cast<float>(sum / (options.samples * options.samples) +
+                                          options.noise * noise(engine));
     }
+  });
+  return image;
+}
+
+inline ImageU8 RenderSpeckle(const Camera& camera, const Plate& plate, const Surface& surface,
+                             const SceneOptions& options = {}) {
+  const ImageF levels = RenderSpeckleLevels(camera, plate, surface, options);
+  ImageU8 image(camera.width, camera.height);
+  std::transform(levels.pixels.begin(), levels.pixels.end(), image.pixels.begin(), [](float grey) {
+    return static_cast<std::uint8_t>(std::clamp(std::lround(grey), 0L, 255L));
   });
   return image;
 }
