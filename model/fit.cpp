@@ -192,12 +192,24 @@ FitSequence FitFrames(const FootModel& right, const FootModel& left, std::span<c
   Eigen::VectorXd beta_sum = Eigen::VectorXd::Zero(right.NumBetas());
   int shapes = 0;
   int done = 0;
+  std::optional<ModelParameters> latest;
   for (std::size_t f = 0; f < clouds.size() && shapes < options.shape_frames; ++f) {
-    if (!has_foot(f)) continue;
-    const SidedFit fit = FitFromScratch(right, left, thinned[f], side, options);
-    if (shapes == 0) side = fit.side;
-    fits[f] = fit.fit;
-    beta_sum += fit.fit.parameters.beta;
+    if (!has_foot(f)) {
+      latest.reset();
+      continue;
+    }
+    PoseFit fit;
+    if (latest) {
+      fit = FitPose(side == Side::kLeft ? left : right, thinned[f], *latest, kMiddle, options.pose);
+      fit = FitPose(side == Side::kLeft ? left : right, thinned[f], fit.parameters, kFine, options.pose);
+    } else {
+      const SidedFit sided = FitFromScratch(right, left, thinned[f], side, options);
+      side = sided.side;
+      fit = sided.fit;
+    }
+    latest = fit.parameters;
+    fits[f] = fit;
+    beta_sum += fit.parameters.beta;
     ++shapes;
     if (progress) progress(++done, static_cast<int>(clouds.size()));
   }
