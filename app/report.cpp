@@ -77,14 +77,14 @@ std::vector<double> PointErrors(const PointCloud& cloud, const TriangleMesh& tru
 }
 
 std::string ScanFigures(const PointCloud& cloud, const TriangleMesh& truth, const fs::path& folder) {
-  constexpr double kFullScale_m = 0.0003;
+  constexpr double kFullScale_m = 0.0001;
   std::vector<Colour> colours;
   for (const double error : PointErrors(cloud, truth)) colours.push_back(HeatColour(error / kFullScale_m));
   std::string html;
   for (const NamedView& view : kViews) {
     Picture picture(480, 480, view.view, {-0.08, -0.15, 0}, {0.08, 0.15, 0.15});
     picture.DrawPoints(cloud.points_m, colours);
-    html += Figure("image/png", PngBytes(picture, folder), fmt::format("scan, {}: blue 0 to red 0.3 mm from the true surface", view.name));
+    html += Figure("image/png", PngBytes(picture, folder), fmt::format("scan, {}: blue 0 to red 0.1 mm from the true surface", view.name));
   }
   return html;
 }

@@ -26,19 +26,23 @@ Eigen::MatrixX3d InFootFrame(const FootModel& model, const Eigen::MatrixX3d& ver
   Eigen::Matrix3d axes;
   axes << forward.cross(up), forward, up;
   Eigen::MatrixX3d result = (vertices.rowwise() - Eigen::RowVector3d(0, 0, ground.offset_m)) * axes;
+  // x is measured from the template's own axis (x = 0 of its frame).
+  const Eigen::RowVector3d origin = mean - (turn * rest_mean.transpose()).transpose();
+  result.col(0).array() -= (origin - Eigen::RowVector3d(0, 0, ground.offset_m)).dot(axes.col(0));
   result.col(1).array() -= result.col(1).minCoeff();
   if (model.side == Side::kLeft) result.col(0) *= -1;
   return result;
 }
 
-/// Points where the mesh's edges cross the plane y = `y`.
-std::vector<Eigen::Vector3d> Slice(const ModelSurface& surface, const Eigen::MatrixX3d& vertices, double y) {
+/// Points where the mesh's edges cross the plane on which coordinate `axis` is `value`.
+std::vector<Eigen::Vector3d> Slice(const ModelSurface& surface, const Eigen::MatrixX3d& vertices, double value,
+                                   int axis = 1) {
   std::vector<Eigen::Vector3d> points;
   for (Eigen::Index t = 0; t < surface.triangles.rows(); ++t) {
     for (int k = 0; k < 3; ++k) {
       const Eigen::Vector3d a = vertices.row(surface.triangles(t, k)), b = vertices.row(surface.triangles(t, (k + 1) % 3));
-      if ((a.y() < y) == (b.y() < y)) continue;
-      points.push_back(a + (y - a.y()) / (b.y() - a.y()) * (b - a));
+      if ((a[axis] < value) == (b[axis] < value)) continue;
+      points.push_back(a + (value - a[axis]) / (b[axis] - a[axis]) * (b - a));
     }
   }
   return points;
@@ -114,18 +118,16 @@ std::vector<FootMeasure> MeasureFrame(const FootModel& model, const FrameFit& fr
   }
   measures.push_back({"instep_height", instep.high, std::hypot(DeviationNear(v, frame, top), ground.sigma_m)});
 
-  // The axis runs through x = 0 of the template; medial is negative x.
-  const Eigen::Vector3d axis_point = 0.5 * (v.row(heel) + v.row(toe)).transpose();
   Extent arch;
-  for (double share = 0.36; share <= 0.52; share += 0.01) {
-    double lowest = std::numeric_limits<double>::infinity();
-    for (const Eigen::Vector3d& p : Slice(surface, v, start + share * length)) {
-      if (std::abs(p.x() - (axis_point.x() - 0.02)) < 0.003) lowest = std::min(lowest, p.z());
-    }
-    if (std::isfinite(lowest)) arch.Add(lowest);
+  Eigen::Vector3d vault = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& p : Slice(surface, v, -0.02, 0)) {  // medial is negative x
+    const double share = (p.y() - start) / length;
+    if (share < 0.36 || share > 0.52 || p.z() > 0.04) continue;
+    if (p.z() > arch.high) vault = p;
+    arch.Add(p.z());
   }
   if (std::isfinite(arch.high)) {
-    measures.push_back({"arch_height", arch.high, std::hypot(DeviationNear(v, frame, axis_point), ground.sigma_m)});
+    measures.push_back({"arch_height", arch.high, std::hypot(DeviationNear(v, frame, vault), ground.sigma_m)});
   }
   std::erase_if(measures, [](const FootMeasure& m) { return !std::isfinite(m.value_m); });
   return measures;

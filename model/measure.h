@@ -21,7 +21,7 @@ struct FootMeasure {
 ///   ball_width    largest extent along x between 0.55 and 0.80 of the length
 ///   heel_width    mean extent along x below 40 mm, between 0.13 and 0.19 of the length
 ///   instep_height highest point at half the length
-///   arch_height   highest sole point of the medial arch, 0.36 to 0.52 of the length, 20 mm medial of the axis
+///   arch_height   highest point of the sole (below 40 mm) between 0.36 and 0.52 of the length, 20 mm medial of the axis
 /// Empty for a frame without a foot.
 std::vector<FootMeasure> MeasureFrame(const FootModel& model, const FrameFit& frame, const GroundPlane& ground);
 

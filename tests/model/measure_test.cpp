@@ -60,6 +60,9 @@ TEST(MeasureFrame, ClosedFormOfAnEllipsoidInAnyHeading) {
       double heel = 0;
       for (double s = 0.13; s < 0.195; s += 0.01) heel += 0.1 * std::sqrt(1 - (2 * s - 1) * (2 * s - 1)) / 7;
       EXPECT_NEAR(m["heel_width"].value_m, heel, 2e-4);
+      // The ellipsoid's underside 20 mm beside the axis is highest at the end of the span furthest from its middle.
+      const double share = 2 * 0.36 - 1, beside = 0.02 / 0.05;
+      EXPECT_NEAR(m["arch_height"].value_m, 0.04 * (1 - std::sqrt(1 - share * share - beside * beside)), 3e-4);
       EXPECT_NEAR(m["length"].sd_m, 0.0003 * std::sqrt(2.0), 1e-9);
     }
   }
