@@ -20,7 +20,7 @@ namespace {
 constexpr PoseFitStage kAlign{8, 0.04, 0.015, 0.004, false, false};
 constexpr PoseFitStage kCoarse{8, 0.025, 0.008, 0.003, true, true};
 constexpr PoseFitStage kMiddle{8, 0.012, 0.004, 0.0015, true, true};
-constexpr PoseFitStage kFine{10, 0.008, 0.002, 0.0007, true, true};
+constexpr PoseFitStage kFine{10, 0.008, 0.002, 0.00025, true, true};
 
 PoseFitStage FixedShape(PoseFitStage stage) {
   stage.free_shape = false;

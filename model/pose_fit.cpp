@@ -40,6 +40,7 @@ Correspondences FindCorrespondences(const FootModel& model, const PointCloud& sc
     Eigen::Vector3d normal;
     double distance_m = -1;
     bool beyond = false;
+    bool pressed = false;
   };
   std::vector<Found> found(scan.Size());
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, scan.Size(), 128), [&](const auto& range) {
@@ -58,6 +59,8 @@ Correspondences FindCorrespondences(const FootModel& model, const PointCloud& sc
           scan.normals[i].cast<double>().dot(normal) < options.minimum_normal_cosine) {
         continue;
       }
+      const bool on_glass = scan.points_m[i].z() < options.glass_height_m;
+      found[i].pressed = on_glass && hit->position.z() < scan.points_m[i].z();
       found[i].place = hit->point;
       found[i].normal = normal;
       found[i].distance_m = hit->distance_m;
@@ -68,7 +71,7 @@ Correspondences FindCorrespondences(const FootModel& model, const PointCloud& sc
   const double kernel2 = stage.kernel_m * stage.kernel_m;
   std::size_t considered = 0;
   for (std::size_t i = 0; i < found.size(); ++i) {
-    if (found[i].beyond) continue;  // belongs to the shank above the model
+    if (found[i].beyond || found[i].pressed) continue;  // shank above the model, flesh flattened by the glass
     ++considered;
     if (found[i].distance_m < 0) {
       result.cost += 1;

@@ -21,6 +21,8 @@ struct PoseFitOptions {
   double effective_points = 400;       ///< scan points are correlated; together they count as this many
   double minimum_normal_cosine = 0.3;  ///< between scan and surface normal
   double joint_prior_sd = 0.3;         ///< rad, every joint but the root
+  double glass_height_m = 0.0003;      ///< scan points lower than this lie on the glass: flesh pressed flat there may
+                                       ///< reach below it in a model without contact, so they only push up
   int solver_iterations = 4;           ///< Levenberg-Marquardt steps between two searches
 };
 
