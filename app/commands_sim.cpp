@@ -13,6 +13,7 @@
 #include "app/simulation.h"
 #include "core/error.h"
 #include "io/rig_file.h"
+#include "sim/faults.h"
 #include "sim/motion.h"
 
 namespace sole::app {
@@ -26,7 +27,14 @@ struct SimArguments {
   int frames = 6;
   double noise = -1;
   bool calibration = false;
+  std::vector<std::string> faults;
 };
+
+void AddFaultOption(CLI::App* command, std::vector<std::string>& faults) {
+  command->add_option("--fault", faults,
+                      "NAME[:CAMERA[:AMOUNT]][@TRIGGER], such as fog:CAM2:0.3; may be repeated (docs/faults.md)")
+      ->allow_extra_args(false);
+}
 
 void AddSceneOptions(CLI::App* command, SimArguments& a) {
   command->add_option("RIG", a.rig, "Rig file; cameras need loopback addresses")->required();
@@ -34,6 +42,7 @@ void AddSceneOptions(CLI::App* command, SimArguments& a) {
   command->add_option("--motion", a.motion, sim::MotionList())->capture_default_str();
   command->add_option("--frames", a.frames, "Frame sets to render")->check(CLI::Range(1, 100000))->capture_default_str();
   command->add_option("--noise", a.noise, "Scale of the sensor noise; default from the rig file")->check(CLI::Range(0.0, 100.0));
+  AddFaultOption(command, a.faults);
   command->add_flag("--calibration", a.calibration, "The calibration cube in --frames poses instead of a foot");
 }
 
@@ -44,6 +53,8 @@ RenderedTake RenderFor(const SimArguments& a, Simulation& simulation) {
 RigConfig ConfigFor(const SimArguments& a) {
   RigConfig config = io::ReadRigFile(a.rig);
   if (a.noise >= 0) config.simulation.noise = a.noise;
+  for (const std::string& fault : a.faults) config.simulation.faults.push_back(ParseFault(fault));
+  Validate(config);
   return config;
 }
 
@@ -63,6 +74,9 @@ int Serve(const SimArguments& a, const CommonOptions& common) {
 
 int Render(const SimArguments& a) {
   const RigConfig config = ConfigFor(a);
+  for (const FaultConfig& fault : config.simulation.faults) {
+    if (!sim::ShowsInImages(fault)) Log("fault " + fault.name + " shows on the wire only: use sole sim serve");
+  }
   Simulation simulation(config, a.seed);
   WriteRendered(config, RenderFor(a, simulation), a.out);
   simulation.WriteTruth(a.out);
@@ -102,6 +116,7 @@ void AddSimCommands(CLI::App& app, CommonOptions& common, int& status) {
   demo->add_option("--cameras", d->cameras, "4, 8 or 20")->check(CLI::IsMember({4, 8, 20}))->capture_default_str();
   demo->add_option("--size", d->size, "Image size, WxH")->capture_default_str();
   demo->add_option("--noise", d->noise, "Scale of the sensor noise")->check(CLI::Range(0.0, 100.0))->capture_default_str();
+  AddFaultOption(demo, d->faults);
   demo->add_option("--model", d->model, "Foot model; default: the shipped one");
   demo->callback([=, &common, &status] {
     const ThreadCap cap(common.threads);

@@ -53,6 +53,9 @@ void RecordInto(const RigConfig& config, const RenderedTake& rendered, const fs:
 nlohmann::json RunDemo(const DemoOptions& options) {
   const Stopwatch watch;
   const RigConfig config = ConfigFor(options);
+  RigConfig faulty = config;  // the foot's take; the calibration is a good one
+  for (const std::string& fault : options.faults) faulty.simulation.faults.push_back(ParseFault(fault));
+  Validate(faulty);
   const fs::path model_path = options.model.empty() ? DefaultModelPath() : options.model;
   const ModelPair models = LoadModelPair(model_path);  // before the long work, so that a bad path fails at once
   io::MakeDirectory(options.out);
@@ -67,7 +70,8 @@ nlohmann::json RunDemo(const DemoOptions& options) {
   Log("calibrate");
   TakeList takes({calibration_take});
   io::WriteCalibration(calibration_file, calib::Calibrate(config, takes));
-  RecordInto(config, simulation.RenderMotion(options.motion, options.frames), take);
+  simulation.SetFaults(faulty.simulation.faults);
+  RecordInto(faulty, simulation.RenderMotion(options.motion, options.frames), take);
   simulation.WriteTruth(take);
   RunProcess(take, calibration_file, model_path);
 

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include <nlohmann/json.hpp>
 
@@ -17,6 +18,7 @@ struct DemoOptions {
   int cameras = 4;
   std::string size = "1624x1236";
   double noise = 1;
+  std::vector<std::string> faults;  ///< of the foot's take, as ParseFault reads them
   std::filesystem::path model;  ///< empty: the shipped one
 };
 

@@ -11,6 +11,7 @@
 #include "io/raw_file.h"
 #include "io/rig_file.h"
 #include "io/take.h"
+#include "sim/faults.h"
 #include "sim/visibility.h"
 
 namespace sole::app {
@@ -61,13 +62,33 @@ Simulation::Simulation(const RigConfig& config, std::uint64_t seed)
       renderer_(config, sim::DrawTrueRig(config, seed), OptionsFor(config, seed)),
       subject_(sim::DrawSubject(seed)) {}
 
+void Simulation::SetFaults(const std::vector<FaultConfig>& faults) {
+  config_.simulation.faults = faults;
+  faulty_.reset();
+  faults_shown_ = 0;
+}
+
+const sim::Renderer& Simulation::RendererAt(std::int64_t trigger) {
+  const std::vector<FaultConfig> active = sim::ImageFaultsAt(config_.simulation.faults, trigger);
+  // Faults come and stay, or a new take begins with fewer: equal counts are equal faults.
+  if (active.size() != faults_shown_) {
+    faults_shown_ = active.size();
+    faulty_.reset();
+    if (!active.empty()) {
+      faulty_ = std::make_unique<sim::Renderer>(config_, sim::ApplyFaults(renderer_.Rig(), active),
+                                                sim::ApplyFaults(OptionsFor(config_, seed_), active));
+    }
+  }
+  return faulty_ ? *faulty_ : renderer_;
+}
+
 void Simulation::WriteTruth(const std::filesystem::path& directory) const {
   const io::TakePaths take{directory};
-  sim::WriteTruthRig(take.TruthRig(), renderer_.Rig());
+  sim::WriteTruthRig(take.TruthRig(), faulty_ ? faulty_->Rig() : renderer_.Rig());
   if (!truth_.frames.empty()) sim::WriteTruth(take, truth_);
 }
 
-RenderedTake Simulation::RenderCalibration(int poses) const {
+RenderedTake Simulation::RenderCalibration(int poses) {
   RenderedTake take;
   take.kind = ExposureKind::kTexture;
   Progress progress("render calibration", poses);
@@ -75,10 +96,11 @@ RenderedTake Simulation::RenderCalibration(int poses) const {
     sim::Scene scene;
     scene.world_from_target = pose;
     scene.exposure = ExposureKind::kTexture;
-    const sim::PreparedScene prepared = renderer_.Prepare(scene);
+    const sim::Renderer& renderer = RendererAt(static_cast<std::int64_t>(take.sets.size()) + 1);
+    const sim::PreparedScene prepared = renderer.Prepare(scene);
     std::vector<ImageU8>& set = take.sets.emplace_back();
     for (int c = 0; c < static_cast<int>(config_.cameras.size()); ++c) {
-      set.push_back(renderer_.Render(prepared, c, seed_ + 1000 * take.sets.size()));
+      set.push_back(renderer.Render(prepared, c, seed_ + 1000 * take.sets.size()));
     }
     progress.Set(static_cast<int>(take.sets.size()));
   }
@@ -100,14 +122,15 @@ RenderedTake Simulation::RenderMotion(const std::string& motion, int frames) {
   RenderedTake take;
   Progress progress("render feet", frames);
   for (const sim::MotionFrame& frame : motion_frames.frames) {
-    const sim::PreparedScene prepared = renderer_.Prepare(SceneOf(frame, motion_frames.triangles));
+    const sim::Renderer& renderer = RendererAt(static_cast<std::int64_t>(take.sets.size()) + 1);
+    const sim::PreparedScene prepared = renderer.Prepare(SceneOf(frame, motion_frames.triangles));
     std::vector<ImageU8>& set = take.sets.emplace_back();
     sim::TruthFrame truth = TruthOf(frame, motion_frames.triangles);
     truth.trigger = static_cast<std::int64_t>(take.sets.size());
-    truth.visible = sim::VisibleToPairs(renderer_, prepared, 0, config_.pairs);
+    truth.visible = sim::VisibleToPairs(renderer, prepared, 0, config_.pairs);
     truth_.frames.push_back(std::move(truth));
     for (int c = 0; c < static_cast<int>(config_.cameras.size()); ++c) {
-      set.push_back(renderer_.Render(prepared, c, seed_ + 1000000 + 1000 * take.sets.size()));
+      set.push_back(renderer.Render(prepared, c, seed_ + 1000000 + 1000 * take.sets.size()));
     }
     progress.Set(static_cast<int>(take.sets.size()));
   }
@@ -122,11 +145,14 @@ sim::CameraServer ServeRendered(const RigConfig& config, const RenderedTake& ren
                                          " has no address in the rig file: simulated cameras need one, such as 127.0.0.11");
     cameras.push_back({camera.serial, camera.address, camera.width, camera.height, camera.exposure_us, camera.gain_db});
   }
+  sim::CameraServerOptions options;
+  options.schedule = config.simulation.faults;
   return {cameras, config.trigger.bus_port, [&rendered](int camera, const TriggerPulse& pulse) -> const ImageU8& {
             const auto count = static_cast<std::int64_t>(rendered.sets.size());
             const std::int64_t set = pulse.sequence <= 0 ? 0 : (pulse.sequence - 1) % count;
             return rendered.sets[static_cast<std::size_t>(set)][static_cast<std::size_t>(camera)];
-          }};
+          },
+          options};
 }
 
 capture::RecordResult RecordRendered(const RigConfig& config, const RenderedTake& rendered,

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -27,17 +28,25 @@ class Simulation {
   Simulation(const RigConfig& config, std::uint64_t seed);
 
   const RigConfig& Config() const { return config_; }
+  /// Replaces the rig file's faults; those that show in images (docs/faults.md) act on what is
+  /// rendered from now on.
+  void SetFaults(const std::vector<FaultConfig>& faults);
   /// The calibration cube in `poses` poses, texture light.
-  RenderedTake RenderCalibration(int poses) const;
+  RenderedTake RenderCalibration(int poses);
   /// The subject's motion, `frames` triggers, speckle light.
   RenderedTake RenderMotion(const std::string& motion, int frames);
-  /// Writes truth/ of the take: true rig and, after RenderMotion, true geometry.
+  /// Writes truth/ of the take: true rig at the last trigger rendered and, after RenderMotion, true geometry.
   void WriteTruth(const std::filesystem::path& take) const;
 
  private:
+  /// The renderer of the rig as it is at this trigger.
+  const sim::Renderer& RendererAt(std::int64_t trigger);
+
   RigConfig config_;
   std::uint64_t seed_;
   sim::Renderer renderer_;
+  std::unique_ptr<sim::Renderer> faulty_;  ///< with the faults below
+  std::size_t faults_shown_ = 0;           ///< by faulty_; 0: renderer_ shows the rig as it is
   sim::Subject subject_;
   sim::TakeTruth truth_;  ///< of the motion rendered last
 };

@@ -66,6 +66,13 @@ void Validate(const RigConfig& config) {
   Require(config.plate.thickness_m > 0 && config.plate.thickness_m < 0.1,
           "plate thickness_m must be above 0 and below 0.1 m");
   Require(config.plate.index >= 1 && config.plate.index < 3, "plate index must be 1 to 3");
+  for (const FaultConfig& fault : config.simulation.faults) {
+    MakeFault(fault.name, fault.camera, fault.amount, fault.unit, fault.trigger);
+    Require(fault.camera.empty() || serials.contains(fault.camera),
+            "fault " + fault.name + ": no camera '" + fault.camera + "'");
+    Require(fault.name != "projector-off" || fault.amount <= static_cast<double>(config.simulation.projectors.size()),
+            "fault projector-off: the rig has " + std::to_string(config.simulation.projectors.size()) + " projectors");
+  }
   std::set<int> ids;
   for (const Fiducial& fiducial : config.plate.fiducials) {
     Require(ids.insert(fiducial.id).second, "fiducial id " + std::to_string(fiducial.id) + " appears twice");

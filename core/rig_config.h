@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 
+#include "core/fault.h"
 #include "core/target.h"
 
 namespace sole {
@@ -68,6 +69,7 @@ struct ProjectorConfig {
 struct SimulationConfig {
   std::vector<ProjectorConfig> projectors;
   double noise = 1.0;  ///< scales photon and read noise; 0 is noise-free
+  std::vector<FaultConfig> faults;
 };
 
 /// The rig file: one TOML for real and simulated rigs.

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <set>
 
 #include <fmt/format.h>
@@ -121,6 +122,24 @@ void ReadTarget(TomlTable& top, TargetConfig& target) {
   }
 }
 
+FaultConfig ReadFault(TomlTable table) {
+  std::string name, camera, unit;
+  int trigger = 0;
+  double amount = 0;
+  table.Read("name", name);
+  table.Read("camera", camera);
+  table.Read("trigger", trigger, {1, std::numeric_limits<int>::max()});
+  table.Read("amount", amount, kAny);
+  table.Read("unit", unit);
+  table.Finish();
+  try {
+    return MakeFault(name, camera, table.Has("amount") ? std::optional(amount) : std::nullopt, unit,
+                     table.Has("trigger") ? std::optional<std::int64_t>(trigger) : std::nullopt);
+  } catch (const Error& error) {
+    throw Error(table.At("name") + error.what());
+  }
+}
+
 void ReadSimulation(TomlTable& top, SimulationConfig& simulation) {
   for (TomlTable& table : top.Table("simulation")) {
     table.Read("noise", simulation.noise, {0, 1000});
@@ -134,6 +153,7 @@ void ReadSimulation(TomlTable& top, SimulationConfig& simulation) {
       }
       simulation.projectors.push_back(projector);
     }
+    for (const TomlTable& item : table.Tables("fault")) simulation.faults.push_back(ReadFault(item));
     table.Finish();
   }
 }
@@ -238,6 +258,11 @@ std::string FormatRig(const RigConfig& config) {
   for (const ProjectorConfig& p : config.simulation.projectors) {
     text += fmt::format("\n[[simulation.projector]]\nposition_m = {}\nlook_at_m = {}\n",
                         Listed(p.position_m), Listed(p.look_at_m));
+  }
+  for (const FaultConfig& f : config.simulation.faults) {
+    text += fmt::format(
+        "\n[[simulation.fault]]\nname = {}\ncamera = {}\ntrigger = {}\namount = {}\nunit = {}\n",
+        Quoted(f.name), Quoted(f.camera), f.trigger, Float(f.amount), Quoted(f.unit));
   }
   return text;
 }

@@ -128,7 +128,7 @@ CameraServer::Impl::Impl(std::vector<ServedCamera> served, int bus_port,
                                                          .link_mbit_per_s = options.link_mbit_per_s,
                                                          .first_frame_id = options.first_frame_id,
                                                          .seed = options.seed + 1000 * i},
-                                       provider));
+                                       provider, options.schedule));
     if (i < options.faults.size()) devices[i]->Sender().SetFaults(options.faults[i]);
     Watch(control[i]->Descriptor(), i);
   }
@@ -178,7 +178,7 @@ void CameraServer::Impl::OnReadable(std::size_t number) {
 void CameraServer::Impl::OnControl(std::size_t camera) {
   Endpoint from;
   while (const auto packet = control[camera]->Receive(buffer, &from)) {
-    if (devices[camera]->Sender().Dead()) continue;
+    if (devices[camera]->Unreachable()) continue;
     const std::vector<std::uint8_t> ack = AnswerGvcp(*packet, from, false, devices[camera].get());
     if (!ack.empty()) control[camera]->Send(ack, from);
   }
@@ -189,7 +189,7 @@ void CameraServer::Impl::OnBroadcast() {
   while (const auto packet = broadcast.Receive(buffer, &from)) {
     if (from.address >> 24 != 127) continue;  // Simulated cameras stay on this computer.
     for (std::size_t i = 0; i < devices.size(); ++i) {
-      if (devices[i]->Sender().Dead()) continue;
+      if (devices[i]->Unreachable()) continue;
       const std::vector<std::uint8_t> ack = AnswerGvcp(*packet, from, true, devices[i].get());
       if (!ack.empty()) control[i]->Send(ack, from);
     }

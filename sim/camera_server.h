@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "core/fault.h"
 #include "core/image.h"
 #include "core/trigger_bus.h"
 
@@ -27,6 +28,10 @@ struct ServedCamera {
   int height = 1236;
   double exposure_us = 4000;  ///< start value of ExposureTime
   double gain_db = 0;         ///< start value of Gain
+  /// Error of the device clock against CLOCK_REALTIME when the server starts, and its drift, as
+  /// long as PTP (feature GevIEEE1588) is not enabled.
+  std::int64_t clock_offset_ns = 0;
+  double clock_drift_ppm = 0;
 };
 
 /// The image camera `camera` (index into the served cameras) exposed at `pulse`; width x height of
@@ -41,6 +46,9 @@ struct CameraServerOptions {
   std::uint16_t first_frame_id = 1;    ///< 1 to 65535; ids wrap from 65535 to 1
   std::uint64_t seed = 1;              ///< of the packet drops
   std::vector<CameraFaults> faults{};  ///< per camera; cameras beyond its end have none
+  /// Faults by trigger number of the bus: those of docs/faults.md that show on the wire; others are
+  /// none of the server's business.
+  std::vector<FaultConfig> schedule{};
 };
 
 /// What a camera did since the server started.
@@ -62,8 +70,9 @@ struct ServedCameraStats {
 /// GigE Vision client expects them, hardware triggers from the simulated trigger bus
 /// (core/trigger_bus.h). Runs from construction to destruction on its own threads: one for control,
 /// one sender per camera. A bus pulse exposes every acquiring camera with TriggerSource Line1; the
-/// frame's timestamp is the pulse's scheduled_ns. The device clock is CLOCK_REALTIME in ns. Gain
-/// and exposure do not change the pixels, which the provider rendered.
+/// frame's timestamp is the device clock at the pulse's scheduled_ns. The device clock is
+/// CLOCK_REALTIME in ns unless ServedCamera says otherwise. Frames carry chunk data on request.
+/// Gain and exposure do not change the pixels, which the provider rendered.
 class CameraServer {
  public:
   /// `bus_port` is the UDP port on 127.0.0.1 that receives pulses; 0 takes a free one. Throws Error

@@ -1,9 +1,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <string>
 
 #include <Eigen/Geometry>
 
+#include "core/error.h"
 #include "sim/lighting_internal.h"
 
 namespace sole::sim {
@@ -44,15 +46,22 @@ std::vector<Vector3d> PanelPoints() {
 
 }  // namespace
 
-Lighting::Lighting(const RigConfig& config, const TruePlate& plate, std::uint64_t seed)
-    : plate_(plate), panels_(PanelPoints()) {
+Lighting::Lighting(const RigConfig& config, const TruePlate& plate, const RenderOptions& options)
+    : plate_(plate),
+      room_light_(static_cast<float>(options.room_light)),
+      panels_(PanelPoints()) {
   double focal_px = std::numeric_limits<double>::infinity();
   for (const CameraConfig& camera : config.cameras) focal_px = std::min(focal_px, camera.focal_px);
   std::uint64_t number = 0;
   for (const ProjectorConfig& projector : config.simulation.projectors) {
     projectors_.push_back({projector.position_m, LookAt(projector.position_m, projector.look_at_m),
-                           SpecklePattern(seed * 1000 + ++number, kDotPixels / focal_px),
+                           SpecklePattern(options.seed * 1000 + ++number, kDotPixels / focal_px),
                            projector.position_m.z() > 0 ? kPowerAbove : kPowerBelow});
+  }
+  for (const int dark : options.dark_projectors) {
+    Require(dark >= 0 && dark < static_cast<int>(projectors_.size()),
+            "renderer: the rig has no projector " + std::to_string(dark + 1));
+    projectors_[static_cast<std::size_t>(dark)].power = 0;
   }
 }
 

@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 
 #include "core/rig_config.h"
+#include "sim/renderer.h"
 #include "sim/speckle.h"
 #include "sim/tracer_internal.h"
 
@@ -30,7 +31,7 @@ struct Lamp {
 /// one fixed function of the surface during an exposure.
 class Lighting {
  public:
-  Lighting(const RigConfig& config, const TruePlate& plate, std::uint64_t seed);
+  Lighting(const RigConfig& config, const TruePlate& plate, const RenderOptions& options);
 
   /// Values per point that At() writes: one per projector, or one in all for texture exposures.
   std::size_t Stride(ExposureKind kind) const;
@@ -39,6 +40,8 @@ class Lighting {
   void At(const SceneTracer& tracer, ExposureKind kind, const Eigen::Vector3d& point,
           const Eigen::Vector3d& normal, bool two_sided, double clearance_m, LampLight* out) const;
   const std::vector<Lamp>& Projectors() const { return projectors_; }
+  /// Irradiance on every surface beside that of At().
+  float RoomLight() const { return room_light_; }
 
  private:
   double Strength(const SceneTracer& tracer, const Eigen::Vector3d& lamp,
@@ -46,6 +49,7 @@ class Lighting {
                   double clearance_m, Eigen::Vector3d* leaving) const;
 
   TruePlate plate_;
+  float room_light_;
   std::vector<Lamp> projectors_;
   std::vector<Eigen::Vector3d> panels_;  ///< points that stand for the texture light's panels
 };

@@ -12,6 +12,7 @@ using Eigen::Vector3f;
 
 constexpr float kCeiling = 0.014f;
 constexpr float kFloor = 0.006f;
+constexpr float kRoomAlbedo = 0.4f;  // of walls and ceiling under the room's lamps
 constexpr float kGroundEdge = 0.02f;  // the plate's matt edge
 constexpr float kLampRadiance = 12;   // of a projector's lens, looking into it
 constexpr double kLampRadius_m = 0.004;
@@ -47,6 +48,7 @@ float PathTracer::LampGlare(const LightRay& ray) const {
   if (s_.exposure != ExposureKind::kSpeckle || !r_.options.reflections) return 0;
   float sum = 0;
   for (const Lamp& lamp : r_.lighting.Projectors()) {
+    if (lamp.power == 0) continue;
     const Vector3d to = lamp.position - ray.origin;
     const double along = to.dot(ray.direction);
     if (along < 0) continue;
@@ -58,7 +60,8 @@ float PathTracer::LampGlare(const LightRay& ray) const {
 }
 
 float PathTracer::Background(const LightRay& ray) const {
-  return (ray.direction.z() > 0 ? kCeiling : kFloor) + LampGlare(ray);
+  const float room = kRoomAlbedo * r_.lighting.RoomLight();
+  return (ray.direction.z() > 0 ? kCeiling : kFloor) + room + LampGlare(ray);
 }
 
 Sample PathTracer::GlassMark(const Vector3d& point) const {

@@ -165,7 +165,7 @@ Renderer::State::State(const RigConfig& config, const TrueRig& true_rig,
                        const RenderOptions& render_options)
     : rig(true_rig),
       options(render_options),
-      lighting(config, true_rig.plate, render_options.seed),
+      lighting(config, true_rig.plate, render_options),
       target(MakeCalibrationCube(config.target.edge_m, config.target.squares,
                                  config.target.square_m, config.target.marker_m)),
       target_face(FacesBySide(target)),

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <vector>
 
 #include <Eigen/Core>
 
@@ -16,6 +17,8 @@ struct RenderOptions {
   double noise = 1.0;       ///< scales photon and read noise; 0 is noise-free
   bool reflections = true;  ///< mirror images in the glass and ghosts of lamps
   std::uint64_t seed = 1;   ///< of slides and dust
+  double room_light = 0;    ///< irradiance of the room's lamps on every surface; a fault
+  std::vector<int> dark_projectors{};  ///< that give no light, from 0; a fault
 };
 
 /// A scene made ready for one exposure: search tree and light on every vertex. Made once, used by

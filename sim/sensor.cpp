@@ -9,6 +9,8 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
+#include "sim/faults.h"
+
 namespace sole::sim {
 namespace {
 
@@ -82,9 +84,11 @@ double NoiseSigma(double level) {
   return std::sqrt(electrons + kReadNoiseElectrons * kReadNoiseElectrons) / kElectronsPerLevel;
 }
 
-ImageU8 Expose(const TrueCamera& camera, const ImageF& radiance, double noise, std::uint64_t seed) {
+ImageU8 Expose(const TrueCamera& camera, const ImageF& arriving, double noise, std::uint64_t seed) {
   static const NormalTable normal;
   const Kernel kernel = GaussianKernel(camera.blur_px);
+  const ImageF fogged = camera.fog > 0 ? Fogged(arriving, camera.fog) : ImageF();
+  const ImageF& radiance = camera.fog > 0 ? fogged : arriving;
   const int width = radiance.width, height = radiance.height;
   ImageF rows(width, height);
   BlurRows(radiance, kernel, rows);
@@ -117,6 +121,7 @@ ImageU8 Expose(const TrueCamera& camera, const ImageF& radiance, double noise, s
       }
     }
   });
+  if (camera.hot_pixels > 0) AddHotPixels(camera.serial, camera.hot_pixels, image);
   return image;
 }
 

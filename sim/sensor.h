@@ -19,7 +19,8 @@ inline constexpr double kBlackLevel = 3;
 double NoiseSigma(double level);
 
 /// What the camera delivers for an image of `radiance` (1 = grey level 255 for a camera of gain 1):
-/// Gaussian blur, vignetting, gain, photon and read noise scaled by `noise`, rounding to 8 bits.
+/// fog, Gaussian blur, vignetting, gain, photon and read noise scaled by `noise`, rounding to 8 bits, hot
+/// pixels.
 /// Deterministic for a seed, whatever the number of threads.
 ImageU8 Expose(const TrueCamera& camera, const ImageF& radiance, double noise, std::uint64_t seed);
 

@@ -111,7 +111,7 @@ float MixLight(const Lighting& lighting, ExposureKind kind, const WeightedPoint*
   float sum = 0;
   if (kind == ExposureKind::kTexture) {
     for (int i = 0; i < count; ++i) sum += points[i].weight * points[i].light->weight;
-    return sum;
+    return sum + lighting.RoomLight();
   }
   std::size_t lamp = 0;
   for (const Lamp& projector : lighting.Projectors()) {
@@ -127,7 +127,7 @@ float MixLight(const Lighting& lighting, ExposureKind kind, const WeightedPoint*
     ++lamp;
   }
   constexpr float kRoom = 0.02f;
-  return sum + kRoom;
+  return sum + kRoom + lighting.RoomLight();
 }
 
 float GridLight(const Lighting& lighting, ExposureKind kind, std::size_t stride,

@@ -97,7 +97,9 @@ void WriteTruthRig(const std::filesystem::path& path, const TrueRig& rig) {
          {"translation_m", {t.x(), t.y(), t.z()}},
          {"gain", c.gain},
          {"vignetting", c.vignetting},
-         {"blur_px", c.blur_px}});
+         {"blur_px", c.blur_px},
+         {"fog", c.fog},
+         {"hot_pixels", c.hot_pixels}});
   }
   io::MakeDirectory(path.parent_path());
   io::WriteStringAtomically(path, json.dump(1) + "\n");

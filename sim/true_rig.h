@@ -22,6 +22,8 @@ struct TrueCamera {
   double gain = 1;  ///< grey levels relative to the nominal camera (exposure and analogue gain)
   double vignetting = 0;  ///< relative loss of light at the image corner
   double blur_px = 0.6;   ///< standard deviation of the lens' Gaussian blur
+  double fog = 0;         ///< share of the light that a fogged lens scatters; a fault
+  double hot_pixels = 0;  ///< share of the pixels stuck at full level; a fault
 
   Eigen::Vector3d Centre() const { return cam_from_world.Inverse().translation; }
 };

@@ -4,10 +4,12 @@
 #include <utility>
 
 #include "sim/gige/big_endian.h"
+#include "sim/gige/chunk_data.h"
 
 namespace sole::sim {
 namespace {
 
+constexpr std::uint32_t kExposureActiveBit = 2;  // Line2 of LineStatusAll
 constexpr std::uint32_t kExclusiveBit = 1;
 constexpr std::uint32_t kFireTestBit = 1U << 31;
 constexpr std::uint32_t kDoNotFragmentBit = 1U << 30;
@@ -21,8 +23,12 @@ std::int64_t RealtimeNs() {
 }
 
 CameraDevice::CameraDevice(const ServedCamera& camera, const GvspSenderOptions& options,
-                           FrameProvider provider)
-    : memory_(camera), sender_(options, std::move(provider)) {
+                           FrameProvider provider, const std::vector<FaultConfig>& faults)
+    : camera_(camera),
+      memory_(camera),
+      clock_(RealtimeNs(), camera.clock_offset_ns, camera.clock_drift_ppm),
+      schedule_(faults, camera.serial),
+      sender_(options, std::move(provider)) {
   memory_.Set32(reg::kStreamSourcePort, sender_.SourcePort());
 }
 
@@ -35,6 +41,7 @@ GevStatus CameraDevice::Read(const Endpoint& from, std::uint32_t address,
   }
   if (address % 4 != 0 || bytes.size() % 4 != 0) return GevStatus::kBadAlignment;
   if (address >= reg::kLineMode && address <= reg::kLineStatus) RefreshLines();
+  if (address == reg::kPtpStatus) memory_.Set32(address, clock_.Status(RealtimeNs()));
   return memory_.Read(address, bytes);
 }
 
@@ -88,7 +95,19 @@ void CameraDevice::ApplyWord(std::uint32_t address, std::uint32_t value) {
   switch (address) {
     case reg::kWidth:
     case reg::kHeight:
-      memory_.Set32(reg::kPayloadSize, memory_.Get32(reg::kWidth) * memory_.Get32(reg::kHeight));
+      RefreshPayloadSize();
+      break;
+    case reg::kChunkMode:
+    case reg::kChunkSelector:
+    case reg::kChunkEnable:
+      ApplyChunkWord(address, value);
+      break;
+    case reg::kPtpEnable:
+      clock_.SetPtp(RealtimeNs(), value == 1);
+      break;
+    case reg::kPtpLatch:
+      memory_.Set64(reg::kPtpOffset, static_cast<std::uint64_t>(
+                                         static_cast<std::int64_t>(clock_.ErrorNs(RealtimeNs()))));
       break;
     case reg::kAcquisitionStart:
       StartAcquisition();
@@ -104,7 +123,8 @@ void CameraDevice::ApplyWord(std::uint32_t address, std::uint32_t value) {
       break;
     case reg::kTimestampControl:
       if ((value & 2) != 0)
-        memory_.Set64(reg::kTimestampLatched, static_cast<std::uint64_t>(RealtimeNs()));
+        memory_.Set64(reg::kTimestampLatched,
+                      static_cast<std::uint64_t>(clock_.At(RealtimeNs())));
       break;
     case reg::kStreamPort:
       if ((value & 0xFFFF) != 0) {
@@ -122,6 +142,42 @@ void CameraDevice::ApplyWord(std::uint32_t address, std::uint32_t value) {
     default:
       break;
   }
+}
+
+/// ChunkEnable shows and sets the bit that ChunkSelector chooses.
+void CameraDevice::ApplyChunkWord(std::uint32_t address, std::uint32_t value) {
+  const std::uint32_t kind = memory_.Get32(reg::kChunkSelector);
+  if (address == reg::kChunkEnable)
+    chunk_mask_ = (chunk_mask_ & ~(1U << kind)) | ((value & 1) << kind);
+  memory_.Set32(reg::kChunkEnable, chunk_mask_ >> kind & 1);
+  RefreshPayloadSize();
+}
+
+void CameraDevice::RefreshPayloadSize() {
+  const std::uint32_t image = memory_.Get32(reg::kWidth) * memory_.Get32(reg::kHeight);
+  const bool chunks = memory_.Get32(reg::kChunkMode) == 1;
+  memory_.Set32(reg::kPayloadSize, image + (chunks ? ChunkDataSize(chunk_mask_) : 0));
+}
+
+/// The link is gone; what the camera does goes on. 0 seconds: for good.
+void CameraDevice::GoSilent(double seconds) {
+  silent_ = true;
+  sender_.SetSilent(true);
+  silent_until_.reset();
+  if (seconds > 0) {
+    silent_until_ = Clock::now() + std::chrono::duration_cast<Clock::duration>(
+                                       std::chrono::duration<double>(seconds));
+  }
+}
+
+/// Back to power-up values: nothing that was written is left.
+void CameraDevice::Reboot() {
+  ReleaseControl();
+  sender_.RestartFrameIds();
+  memory_ = DeviceMemory(camera_);
+  memory_.Set32(reg::kStreamSourcePort, sender_.SourcePort());
+  chunk_mask_ = 0;
+  clock_ = {RealtimeNs(), camera_.clock_offset_ns, camera_.clock_drift_ppm};
 }
 
 void CameraDevice::ReadDiscovery(std::span<std::uint8_t> bytes) const { memory_.Read(0, bytes); }
@@ -159,7 +215,17 @@ bool CameraDevice::Armed(TriggerSource source) const {
 }
 
 void CameraDevice::OnPulse(const TriggerPulse& pulse) {
-  if (Armed(kSourceLine1)) Expose(pulse);
+  const PulseFate fate = schedule_.OnPulse(pulse);
+  if (fate.extra_drift_ppm)
+    clock_.SetDrift(RealtimeNs(), camera_.clock_drift_ppm + *fate.extra_drift_ppm);
+  if (fate.dead_link_s) GoSilent(*fate.dead_link_s);
+  if (fate.reboot_s) {
+    Reboot();
+    GoSilent(*fate.reboot_s);
+  }
+  for (const FrameFaults& faults : fate.exposures) {
+    if (Armed(kSourceLine1)) Expose(pulse, faults);
+  }
 }
 
 GevStatus CameraDevice::OnAction(const ActionCommand& action) {
@@ -182,9 +248,13 @@ void CameraDevice::ExposeOwn(std::int64_t time_ns) {
   Expose({.sequence = ++own_sequence_, .scheduled_ns = time_ns, .kind = 0});
 }
 
-void CameraDevice::Expose(const TriggerPulse& pulse) {
+void CameraDevice::Expose(const TriggerPulse& pulse, const FrameFaults& faults) {
   if (sender_.Dead()) return;
-  sender_.Expose(pulse, Settings());
+  StreamSettings settings = Settings();
+  settings.timestamp_ns =
+      static_cast<std::uint64_t>(clock_.At(pulse.scheduled_ns + faults.begins_later.count()));
+  settings.faults = faults;
+  sender_.Expose(pulse, settings);
   if (memory_.Get32(reg::kAcquisitionMode) != kContinuous && --frames_left_ <= 0)
     acquiring_ = false;
 }
@@ -200,7 +270,10 @@ StreamSettings CameraDevice::Settings() const {
           .offset_y = memory_.Get32(reg::kOffsetY),
           .width = memory_.Get32(reg::kWidth),
           .height = memory_.Get32(reg::kHeight),
-          .exposure_us = memory_.GetFloat(reg::kExposureTime)};
+          .exposure_us = memory_.GetFloat(reg::kExposureTime),
+          .chunk_mask = memory_.Get32(reg::kChunkMode) == 1 ? std::optional(chunk_mask_)
+                                                            : std::nullopt,
+          .lines = kExposureActiveBit};
 }
 
 CameraDevice::Clock::duration CameraDevice::FramePeriod() const {
@@ -209,15 +282,21 @@ CameraDevice::Clock::duration CameraDevice::FramePeriod() const {
 }
 
 std::optional<CameraDevice::Clock::time_point> CameraDevice::NextDeadline() const {
-  if (!controller_) return {};
+  if (!controller_) return silent_until_;
   Clock::time_point deadline =
       last_heard_ + std::chrono::milliseconds(memory_.Get32(reg::kHeartbeatTimeout));
   if (acquiring_ && memory_.Get32(reg::kTriggerMode) == 0)
     deadline = std::min(deadline, next_free_run_);
+  if (silent_until_) deadline = std::min(deadline, *silent_until_);
   return deadline;
 }
 
 void CameraDevice::OnTimer(Clock::time_point now) {
+  if (silent_until_ && now >= *silent_until_) {
+    silent_until_.reset();
+    silent_ = false;
+    sender_.SetSilent(false);
+  }
   if (!controller_) return;
   if (now >= last_heard_ + std::chrono::milliseconds(memory_.Get32(reg::kHeartbeatTimeout))) {
     ReleaseControl();

@@ -6,7 +6,9 @@
 #include <span>
 
 #include "sim/camera_server.h"
+#include "sim/gige/device_clock.h"
 #include "sim/gige/device_memory.h"
+#include "sim/gige/fault_schedule.h"
 #include "sim/gige/gvsp_sender.h"
 #include "sim/gige/udp_socket.h"
 
@@ -26,7 +28,7 @@ class CameraDevice {
   using Clock = std::chrono::steady_clock;
 
   CameraDevice(const ServedCamera& camera, const GvspSenderOptions& options,
-               FrameProvider provider);
+               FrameProvider provider, const std::vector<FaultConfig>& faults);
 
   GevStatus Read(const Endpoint& from, std::uint32_t address, std::span<std::uint8_t> bytes);
   GevStatus Write(const Endpoint& from, std::uint32_t address, std::span<const std::uint8_t> bytes);
@@ -43,6 +45,8 @@ class CameraDevice {
   /// Frees control after a silent heartbeat timeout and exposes free-running frames.
   void OnTimer(Clock::time_point now);
 
+  /// Whether it cannot be reached now.
+  bool Unreachable() const { return silent_ || sender_.Dead(); }
   bool Controlled() const { return controller_.has_value(); }
   GvspSender& Sender() { return sender_; }
   const GvspSender& Sender() const { return sender_; }
@@ -52,17 +56,24 @@ class CameraDevice {
   GevStatus CheckRegion(std::uint32_t address, std::uint32_t value) const;
   void Apply(std::uint32_t address, std::span<const std::uint8_t> bytes);
   void ApplyWord(std::uint32_t address, std::uint32_t value);
+  void ApplyChunkWord(std::uint32_t address, std::uint32_t value);
   void RefreshLines();
+  void RefreshPayloadSize();
+  void GoSilent(double seconds);
+  void Reboot();
   void ReleaseControl();
   void StartAcquisition();
   void StopAcquisition();
   bool Armed(TriggerSource source) const;
-  void Expose(const TriggerPulse& pulse);
+  void Expose(const TriggerPulse& pulse, const FrameFaults& faults = {});
   void ExposeOwn(std::int64_t time_ns);
   StreamSettings Settings() const;
   Clock::duration FramePeriod() const;
 
+  const ServedCamera camera_;
   DeviceMemory memory_;
+  DeviceClock clock_;
+  FaultSchedule schedule_;
   GvspSender sender_;
   std::optional<Endpoint> controller_;
   Clock::time_point last_heard_;
@@ -70,6 +81,9 @@ class CameraDevice {
   std::int64_t own_sequence_ = 0;
   std::int64_t frames_left_ = 0;  ///< of SingleFrame and MultiFrame
   Clock::time_point next_free_run_;
+  std::uint32_t chunk_mask_ = 0;
+  bool silent_ = false;
+  std::optional<Clock::time_point> silent_until_;
 };
 
 /// Nanoseconds of CLOCK_REALTIME: the device clock.

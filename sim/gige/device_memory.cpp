@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "sim/gige/big_endian.h"
+#include "sim/gige/device_clock.h"
 #include "sim/gige/genicam_xml.h"
 
 namespace sole::sim {
@@ -64,6 +65,7 @@ DeviceMemory::DeviceMemory(const ServedCamera& camera)
   Set32(reg::kTriggerSource, kSourceLine1);
   Set32(reg::kLineSelector, kLine1);
   Set32(reg::kActionSelector, 1);
+  Set32(reg::kPtpStatus, kPtpDisabled);
 }
 
 GevStatus DeviceMemory::Read(std::uint32_t address, std::span<std::uint8_t> bytes) const {
@@ -132,11 +134,14 @@ std::uint32_t DeviceMemory::Get32(std::uint32_t address) const {
 void DeviceMemory::Set32(std::uint32_t address, std::uint32_t value) {
   Store32(registers_, address, value);
 }
+std::uint64_t DeviceMemory::Get64(std::uint32_t address) const {
+  return Load64(registers_, address);
+}
 void DeviceMemory::Set64(std::uint32_t address, std::uint64_t value) {
   Store64(registers_, address, value);
 }
 double DeviceMemory::GetFloat(std::uint32_t address) const {
-  return std::bit_cast<double>(Load64(registers_, address));
+  return std::bit_cast<double>(Get64(address));
 }
 void DeviceMemory::SetFloat(std::uint32_t address, double value) {
   Store64(registers_, address, std::bit_cast<std::uint64_t>(value));

@@ -35,6 +35,7 @@ class DeviceMemory {
 
   std::uint32_t Get32(std::uint32_t address) const;
   void Set32(std::uint32_t address, std::uint32_t value);
+  std::uint64_t Get64(std::uint32_t address) const;
   void Set64(std::uint32_t address, std::uint64_t value);
   double GetFloat(std::uint32_t address) const;
   void SetFloat(std::uint32_t address, double value);

@@ -2,6 +2,9 @@
 
 #include <utility>
 
+#include "sim/gige/chunk_data.h"
+#include "sim/gige/device_clock.h"
+
 namespace sole::sim {
 namespace {
 
@@ -156,6 +159,41 @@ void AddTransport(std::vector<Feature>* all) {
   all->push_back(Fixed("GevCurrentIPAddress", category, reg::kCurrentIp));
 }
 
+void AddClock(std::vector<Feature>* all) {
+  const std::string category = "TransportLayerControl";
+  all->push_back(Number("GevIEEE1588", category, reg::kPtpEnable, 0, 1));
+  all->back().kind = kBoolean;
+  all->push_back(Choice("GevIEEE1588Status", category, reg::kPtpStatus,
+                        {{"Disabled", kPtpDisabled},
+                         {"Uncalibrated", kPtpUncalibrated},
+                         {"Slave", kPtpSlave}},
+                        kReadOnly));
+  all->push_back(Command("GevIEEE1588DataSetLatch", category, reg::kPtpLatch));
+  all->push_back(Fixed("GevIEEE1588OffsetFromMaster", category, reg::kPtpOffset, 8));
+  all->back().is_signed = true;
+  all->back().unit = "ns";
+}
+
+void AddChunks(std::vector<Feature>* all) {
+  const std::string category = "ChunkDataControl";
+  all->push_back(Number("ChunkModeActive", category, reg::kChunkMode, 0, 1, true));
+  all->back().kind = kBoolean;
+  std::vector<EnumEntry> entries;
+  for (std::uint32_t kind = 0; kind < kChunks.size(); ++kind)
+    entries.push_back({kChunks[kind].name, kind});
+  all->push_back(Choice("ChunkSelector", category, reg::kChunkSelector, std::move(entries),
+                        kReadWrite, {"ChunkEnable"}));
+  all->push_back(Number("ChunkEnable", category, reg::kChunkEnable, 0, 1, true));
+  all->back().kind = kBoolean;
+  for (std::uint32_t kind = 0; kind < kChunks.size(); ++kind) {
+    const ChunkInfo& chunk = kChunks[kind];
+    all->push_back(Fixed(std::string("Chunk") + chunk.name, category, 0, chunk.length));
+    all->back().chunk_id = chunk.id;
+    if (kind == kChunkExposureTime) all->back().kind = kFloat;
+    all->back().is_signed = kind == kChunkTriggerSequence;
+  }
+}
+
 }  // namespace
 
 std::vector<Feature> MakeFeatures(const ServedCamera& camera) {
@@ -169,6 +207,8 @@ std::vector<Feature> MakeFeatures(const ServedCamera& camera) {
   AddImageFormat(camera, &all);
   AddAcquisition(&all);
   AddTransport(&all);
+  AddClock(&all);
+  AddChunks(&all);
   return all;
 }
 

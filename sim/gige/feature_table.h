@@ -35,7 +35,10 @@ inline constexpr std::uint32_t kWidth = 0x10000, kHeight = 0x10004, kOffsetX = 0
                                kTriggerActivation = 0x1020C, kTriggerSoftware = 0x10210,
                                kExposureMode = 0x10300, kExposureTime = 0x10308, kGain = 0x10310,
                                kLineSelector = 0x10400, kLineMode = 0x10404, kLineStatus = 0x10408,
-                               kActionSelector = 0x10500;
+                               kActionSelector = 0x10500, kPtpEnable = 0x10600,
+                               kPtpStatus = 0x10604, kPtpLatch = 0x10608, kPtpOffset = 0x10610,
+                               kChunkMode = 0x10700, kChunkSelector = 0x10704,
+                               kChunkEnable = 0x10708;
 inline constexpr std::uint32_t kMemoryEnd = 0x11000, kXml = 0x100000;
 }  // namespace reg
 
@@ -72,6 +75,8 @@ struct Feature {
   int lsb = 0;  ///< bits lsb to msb counted from the least significant one
   int msb = 31;
   bool locked_while_acquiring = false;
+  bool is_signed = false;
+  std::uint32_t chunk_id = 0;  ///< not in a register but in this chunk of a frame
 };
 
 /// Every feature of a camera.

@@ -32,7 +32,7 @@ const char* AccessMode(const Feature& feature) {
 std::string RegisterBody(const Feature& feature) {
   return Tag("Address", fmt::format("0x{:X}", feature.address)) +
          Tag("Length", fmt::format("{}", feature.length)) + Tag("AccessMode", AccessMode(feature)) +
-         Tag("pPort", "Device") + Tag("Cachable", "NoCache");
+         Tag("pPort", feature.chunk_id != 0 ? feature.name + "Port" : "Device") + Tag("Cachable", "NoCache");
 }
 
 /// The register node behind a numeric feature. GenICam counts the bits of big-endian registers from
@@ -48,8 +48,8 @@ std::string Register(const Feature& feature) {
   const std::string bits =
       masked ? fmt::format("<LSB>{}</LSB><MSB>{}</MSB>", 31 - feature.lsb, 31 - feature.msb) : "";
   return fmt::format(
-      "<{0} Name=\"{1}\">{2}{3}<Sign>Unsigned</Sign><Endianess>BigEndian</Endianess></{0}>\n",
-      element, name, RegisterBody(feature), bits);
+      "<{0} Name=\"{1}\">{2}{3}<Sign>{4}</Sign><Endianess>BigEndian</Endianess></{0}>\n",
+      element, name, RegisterBody(feature), bits, feature.is_signed ? "Signed" : "Unsigned");
 }
 
 std::string Limits(const Feature& feature) {
@@ -128,6 +128,11 @@ std::string GenicamXml(std::span<const Feature> features) {
   for (const Feature& feature : features) {
     xml += Node(feature);
     if (feature.kind != FeatureKind::kString) xml += Register(feature);
+    if (feature.chunk_id != 0) {
+      xml += fmt::format(
+          "<Port Name=\"{}Port\" NameSpace=\"Standard\"><ChunkID>{:X}</ChunkID></Port>\n",
+          feature.name, feature.chunk_id);
+    }
   }
   xml +=
       "<Integer Name=\"TLParamsLocked\" "

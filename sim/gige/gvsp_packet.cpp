@@ -6,12 +6,13 @@
 
 #include "core/error.h"
 #include "sim/gige/big_endian.h"
+#include "sim/gige/chunk_data.h"
 
 namespace sole::sim {
 namespace {
 
 enum Format : std::uint32_t { kLeader = 1, kTrailer = 2, kPayload = 3 };
-constexpr std::uint16_t kImagePayload = 1;
+constexpr std::uint16_t kImagePayload = 1, kImageWithChunksPayload = 0x4001;
 
 GvspPacket Header(GevStatus status, std::uint16_t frame_id, Format format,
                   std::uint32_t packet_id) {
@@ -21,6 +22,10 @@ GvspPacket Header(GevStatus status, std::uint16_t frame_id, Format format,
   Store32(packet.header, 4, (format << 24) | (packet_id & 0xFFFFFF));
   packet.header_size = kGvspHeaderSize;
   return packet;
+}
+
+std::uint16_t PayloadType(const SentFrame& frame) {
+  return frame.chunks.empty() ? kImagePayload : kImageWithChunksPayload;
 }
 
 std::size_t BlockSize(const SentFrame& frame) {
@@ -50,17 +55,30 @@ void SetPixels(const ImageU8& image, SentFrame* frame) {
   frame->pixels = frame->cropped;
 }
 
+void SetChunks(std::int64_t trigger_sequence, SentFrame* frame) {
+  const StreamSettings& s = frame->settings;
+  frame->chunks.clear();
+  if (!s.chunk_mask) return;
+  frame->chunks = ChunkData(*s.chunk_mask, static_cast<std::uint32_t>(frame->pixels.size()),
+                            {.frame_id = frame->id,
+                             .timestamp_ns = s.timestamp_ns,
+                             .exposure_us = s.exposure_us,
+                             .lines = s.lines,
+                             .trigger_sequence = trigger_sequence});
+}
+
 std::uint32_t PacketCount(const SentFrame& frame) {
   const std::size_t block = BlockSize(frame);
-  return static_cast<std::uint32_t>((frame.pixels.size() + block - 1) / block) + 2;
+  const std::size_t size = frame.pixels.size() + frame.chunks.size();
+  return static_cast<std::uint32_t>((size + block - 1) / block) + 2;
 }
 
 GvspPacket MakePacket(const SentFrame& frame, std::uint32_t id, GevStatus status) {
   const StreamSettings& s = frame.settings;
   if (id == 0) {
     GvspPacket leader = Header(status, frame.id, kLeader, id);
-    Store16(leader.header, 10, kImagePayload);
-    Store64(leader.header, 12, frame.timestamp_ns);
+    Store16(leader.header, 10, PayloadType(frame));
+    Store64(leader.header, 12, s.timestamp_ns);
     Store32(leader.header, 20, kMono8);
     Store32(leader.header, 24, s.width);
     Store32(leader.header, 28, s.height);
@@ -71,15 +89,24 @@ GvspPacket MakePacket(const SentFrame& frame, std::uint32_t id, GevStatus status
   }
   if (id + 1 == PacketCount(frame)) {
     GvspPacket trailer = Header(status, frame.id, kTrailer, id);
-    Store16(trailer.header, 10, kImagePayload);
+    Store16(trailer.header, 10, PayloadType(frame));
     Store32(trailer.header, 12, s.height);
     trailer.header_size = 16;
+    if (!frame.chunks.empty()) {
+      Store32(trailer.header, 16,
+              static_cast<std::uint32_t>(frame.pixels.size() + frame.chunks.size()));
+      trailer.header_size = 24;  // With the layout id, which is 0.
+    }
     return trailer;
   }
   GvspPacket payload = Header(status, frame.id, kPayload, id);
   const std::size_t begin = (id - 1) * BlockSize(frame);
-  payload.pixels =
-      frame.pixels.subspan(begin, std::min(BlockSize(frame), frame.pixels.size() - begin));
+  const std::size_t end =
+      std::min(begin + BlockSize(frame), frame.pixels.size() + frame.chunks.size());
+  const std::size_t split = std::clamp(frame.pixels.size(), begin, end);
+  if (split > begin) payload.pixels = frame.pixels.subspan(begin, split - begin);
+  if (end > split)
+    payload.chunks = std::span(frame.chunks).subspan(split - frame.pixels.size(), end - split);
   return payload;
 }
 

@@ -50,7 +50,7 @@ bool GvspSender::Expose(const TriggerPulse& pulse, const StreamSettings& setting
     ++stats_.triggers_refused;
     return false;
   }
-  exposures_.push_back({pulse, settings, Clock::now()});
+  exposures_.push_back({pulse, settings, Clock::now() + settings.faults.begins_later});
   wake_.notify_all();
   return true;
 }
@@ -76,6 +76,7 @@ void GvspSender::Clear() {
 void GvspSender::RestartFrameIds() {
   const Lock lock(mutex_);
   next_frame_id_ = options_.first_frame_id;
+  last_frame_id_ = 0;
 }
 
 void GvspSender::SetFaults(const CameraFaults& faults) {
@@ -86,6 +87,11 @@ void GvspSender::SetFaults(const CameraFaults& faults) {
 bool GvspSender::Dead() const {
   const Lock lock(mutex_);
   return faults_.dead;
+}
+
+void GvspSender::SetSilent(bool silent) {
+  const Lock lock(mutex_);
+  silent_ = silent;
 }
 
 bool GvspSender::Exposing() const {
@@ -128,11 +134,12 @@ void GvspSender::SendFrame(const Exposure& exposure, Lock* lock) {
   ring_next_ = (ring_next_ + 1) % ring_.size();
   frame.id = 0;
   frame.settings = exposure.settings;
-  frame.timestamp_ns = static_cast<std::uint64_t>(exposure.pulse.scheduled_ns);
   lock->unlock();
   std::string error;
+  const FrameFaults& faults = frame.settings.faults;
+  const TriggerPulse shown = faults.shows.value_or(exposure.pulse);
   try {
-    SetPixels(provider_(options_.camera, exposure.pulse), &frame);
+    SetPixels(provider_(options_.camera, shown), &frame);
   } catch (const std::exception& problem) {
     error = problem.what();
   }
@@ -145,7 +152,10 @@ void GvspSender::SendFrame(const Exposure& exposure, Lock* lock) {
     stats_.last_error = error;
     return;
   }
-  frame.id = TakeFrameId();
+  frame.id = TakeFrameId(faults);
+  SetChunks(shown.sequence, &frame);
+  if (faults.late.count() > 0 && !WaitUntil(exposure.begin + exposure_time + faults.late, lock))
+    return;
 
   const std::chrono::nanoseconds packet_time = PacketTime(frame.settings, options_.link_mbit_per_s);
   const auto batch = static_cast<std::uint32_t>(std::clamp<std::int64_t>(
@@ -161,9 +171,12 @@ void GvspSender::SendFrame(const Exposure& exposure, Lock* lock) {
   ++stats_.frames_sent;
 }
 
-std::uint16_t GvspSender::TakeFrameId() {
+std::uint16_t GvspSender::TakeFrameId(const FrameFaults& faults) {
+  if (faults.repeats_id && last_frame_id_ != 0) return last_frame_id_;
+  for (int i = 0; i < faults.skipped_ids; ++i) next_frame_id_ = NextFrameId(next_frame_id_);
   if (faults_.skip_frame_id_after == stats_.frames_sent)
     next_frame_id_ = NextFrameId(next_frame_id_);
+  last_frame_id_ = next_frame_id_;
   return std::exchange(next_frame_id_, NextFrameId(next_frame_id_));
 }
 
@@ -228,9 +241,11 @@ void GvspSender::SendPackets(const SentFrame& frame, std::uint32_t first, std::u
 
 void GvspSender::Transmit(std::vector<GvspPacket> packets, const StreamSettings& settings,
                           Lock* lock) {
-  if (faults_.dead) return;
-  if (faults_.packet_drop_probability > 0) {
-    std::bernoulli_distribution drop(faults_.packet_drop_probability);
+  if (faults_.dead || silent_) return;
+  const double drop_probability =
+      std::max(faults_.packet_drop_probability, settings.faults.packet_drop_probability);
+  if (drop_probability > 0) {
+    std::bernoulli_distribution drop(drop_probability);
     const auto kept = std::erase_if(packets, [&](const GvspPacket&) { return drop(random_); });
     stats_.packets_dropped += static_cast<std::int64_t>(kept);
   }
@@ -244,15 +259,16 @@ void GvspSender::Transmit(std::vector<GvspPacket> packets, const StreamSettings&
   destination.sin_family = AF_INET;
   destination.sin_addr.s_addr = htonl(settings.destination.address);
   destination.sin_port = htons(settings.destination.port);
-  std::vector<std::array<iovec, 2>> parts(packets.size());
+  std::vector<std::array<iovec, 3>> parts(packets.size());
   std::vector<mmsghdr> messages(packets.size());
   for (std::size_t i = 0; i < packets.size(); ++i) {
     parts[i][0] = {packets[i].header.data(), packets[i].header_size};
     parts[i][1] = {const_cast<std::uint8_t*>(packets[i].pixels.data()), packets[i].pixels.size()};
+    parts[i][2] = {const_cast<std::uint8_t*>(packets[i].chunks.data()), packets[i].chunks.size()};
     messages[i].msg_hdr.msg_name = &destination;
     messages[i].msg_hdr.msg_namelen = sizeof destination;
     messages[i].msg_hdr.msg_iov = parts[i].data();
-    messages[i].msg_hdr.msg_iovlen = 2;
+    messages[i].msg_hdr.msg_iovlen = 3;
   }
   std::size_t done = 0;
   std::int64_t errors = 0;

@@ -43,6 +43,8 @@ class GvspSender {
   /// A newly opened stream channel counts frames from the first id.
   void RestartFrameIds();
   void SetFaults(const CameraFaults& faults);
+  /// Whether all packets vanish, as on a dead link.
+  void SetSilent(bool silent);
 
   bool Dead() const;
   bool Exposing() const;
@@ -73,7 +75,7 @@ class GvspSender {
   void ServeResend(const ResendRequest& request, Lock* lock);
   /// Serves requests until `deadline`; false when the sender stops.
   bool WaitUntil(Clock::time_point deadline, Lock* lock);
-  std::uint16_t TakeFrameId();
+  std::uint16_t TakeFrameId(const FrameFaults& faults);
 
   const GvspSenderOptions options_;
   const FrameProvider provider_;
@@ -90,6 +92,8 @@ class GvspSender {
   CameraFaults faults_;
   ServedCameraStats stats_;
   std::uint16_t next_frame_id_;
+  std::uint16_t last_frame_id_ = 0;  ///< 0 before the first
+  bool silent_ = false;
 
   // Used by the thread only.
   std::array<SentFrame, 8> ring_;

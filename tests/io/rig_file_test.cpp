@@ -10,6 +10,7 @@
 namespace sole::io {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
 using testing::StartsWith;
 using testing_support::ErrorOf;
@@ -43,6 +44,8 @@ TEST(FormatRig, RoundTripsEveryFieldExactly) {
   config.plate.index = 1.5203;
   config.target = {0.2, 7, 0.025, 0.01875};
   config.simulation.noise = 0.1;
+  config.simulation.faults = {MakeFault("fog", config.cameras[2].serial, 0.3, "", 4),
+                              MakeFault("bumped-camera", "", 0.1, "deg"), MakeFault("reboot")};
   const RigConfig read = ParseRig(FormatRig(config), "rig.toml");
   EXPECT_EQ(FormatRig(read), FormatRig(config));  // every field is printed, and printed exactly
   EXPECT_EQ(read.name, config.name);
@@ -60,7 +63,26 @@ TEST(FormatRig, RoundTripsEveryFieldExactly) {
   EXPECT_EQ(read.plate.fiducials[4].centre_m, config.plate.fiducials[4].centre_m);
   EXPECT_EQ(read.target.marker_m, config.target.marker_m);
   EXPECT_EQ(read.simulation.projectors.size(), config.simulation.projectors.size());
+  ASSERT_EQ(read.simulation.faults.size(), 3U);
+  EXPECT_EQ(read.simulation.faults[0].camera, config.cameras[2].serial);
+  EXPECT_EQ(read.simulation.faults[0].trigger, 4);
+  EXPECT_EQ(read.simulation.faults[1].amount, 0.1);
+  EXPECT_EQ(read.simulation.faults[1].unit, "deg");
   EXPECT_EQ(RigIdentityHash(read), RigIdentityHash(config));
+}
+
+TEST(ParseRig, FaultsTakeTheDefaultsOfTheirKindAndAreChecked) {
+  const auto with = [](const std::string& keys) { return Minimal("[[simulation.fault]]\n" + keys); };
+  const RigConfig read = ParseRig(with("name = \"dead-link\"\ncamera = \"A\"\n"), "rig.toml");
+  ASSERT_EQ(read.simulation.faults.size(), 1U);
+  EXPECT_EQ(read.simulation.faults[0].trigger, 3);
+  EXPECT_EQ(read.simulation.faults[0].amount, 1);
+  EXPECT_EQ(read.simulation.faults[0].unit, "s");
+  EXPECT_THAT(ErrorIn(with("name = \"frog\"\n")),
+              AllOf(StartsWith("rig.toml:7:8: there is no fault 'frog'"), HasSubstr("fog")));
+  EXPECT_THAT(ErrorIn(with("name = \"fog\"\namount = 2\n")), HasSubstr("must be 0 to 1"));
+  EXPECT_THAT(ErrorIn(with("name = \"fog\"\ncamera = \"B\"\n")), HasSubstr("no camera 'B'"));
+  EXPECT_THAT(ErrorIn(with("name = \"fog\"\ntriger = 2\n")), HasSubstr("did you mean trigger"));
 }
 
 TEST(ParseRig, MissingKeysTakeTheDefaults) {
