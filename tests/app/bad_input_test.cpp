@@ -71,6 +71,13 @@ TEST_F(BadInput, RigFileWithImpossibleValueNamesTheLine) {
   ExpectOneLine(RunSole("rig check " + (directory / "rig.toml").string()), {"rig.toml", "width"});
 }
 
+TEST_F(BadInput, UnknownFaultNamesThePossibleOnes) {
+  io::WriteRigFile(directory / "rig.toml", rig);
+  ExpectOneLine(RunSole("sim render " + (directory / "rig.toml").string() + " --fault frog --out " + (directory / "t").string()),
+                {"'frog'", "fog", "bumped-camera"});
+  ExpectOneLine(RunSole("demo --out " + (directory / "d").string() + " --fault fog:NOBODY"), {"NOBODY"});
+}
+
 TEST_F(BadInput, CameraThatIsNotThereIsNamed) {
   io::WriteRigFile(directory / "rig.toml", rig);
   const fs::path target = directory / "new-take";
