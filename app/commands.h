@@ -23,5 +23,6 @@ void AddSimCommands(CLI::App& app, CommonOptions& common, int& status);
 void AddCaptureCommands(CLI::App& app, CommonOptions& common, int& status);
 void AddProcessingCommands(CLI::App& app, CommonOptions& common, int& status);
 void AddMatchCommand(CLI::App& app, CommonOptions& common, int& status);
+void AddModelCommands(CLI::App& app, CommonOptions& common, int& status);
 
 }  // namespace sole::app

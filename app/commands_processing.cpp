@@ -14,7 +14,6 @@
 #include "app/take_list.h"
 #include "calib/calibrate.h"
 #include "io/calibration_file.h"
-#include "model/model_file.h"
 
 namespace sole::app {
 namespace {
@@ -23,7 +22,7 @@ using nlohmann::json;
 
 struct Arguments {
   std::vector<std::string> takes;
-  std::string take, calibration, out, model, format, file;
+  std::string take, calibration, out, model, format;
 
   std::filesystem::path ModelPath() const { return model.empty() ? DefaultModelPath() : std::filesystem::path(model); }
 };
@@ -117,13 +116,6 @@ void AddProcessingCommands(CLI::App& app, CommonOptions& common, int& status) {
                                   "sole evaluate demo-out/take --json", [a, &common] { EvaluateCommand(*a, common); });
   add_take(evaluate);
   add_model(evaluate);
-
-  CLI::App* model = app.add_subcommand("model", "Foot models");
-  model->require_subcommand(1);
-  CLI::App* info = AddCommand(*model, common, status, "info", "Prints family, sizes, joints and licence",
-                              "sole model info models/sole-foot.npz",
-                              [a] { fmt::print("{}\n", fmt::join(model::DescribeModel(model::LoadModel(a->file)), "\n")); });
-  info->add_option("FILE", a->file, "Model file")->required();
 }
 
 void AddCommands(CLI::App& app, CommonOptions& common, int& status) {
@@ -131,6 +123,7 @@ void AddCommands(CLI::App& app, CommonOptions& common, int& status) {
   AddCaptureCommands(app, common, status);
   AddProcessingCommands(app, common, status);
   AddMatchCommand(app, common, status);
+  AddModelCommands(app, common, status);
 }
 
 }  // namespace sole::app

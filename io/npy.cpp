@@ -15,19 +15,13 @@ namespace {
 constexpr std::string_view kMagic = "\x93NUMPY";
 constexpr std::size_t kMaxCharacters = 1 << 20;  ///< of one string
 
-struct Header {
-  std::string descr;
-  bool fortran = false;
-  std::vector<std::size_t> shape;
-};
-
 /// Reads the Python dictionary of a .npy header: strings, True, False and tuples of integers.
 class HeaderParser {
  public:
   HeaderParser(std::string_view text, const std::string& where) : text_(text), where_(where) {}
 
-  Header Parse() {
-    Header header;
+  NpyHeader Parse() {
+    NpyHeader header;
     int seen = 0;
     Expect('{');
     while (!Accept('}')) {
@@ -172,7 +166,7 @@ std::size_t ItemSize(const std::string& dtype) {
   return good ? 4 * characters : 0;
 }
 
-NpyArray ParseNpy(std::span<const std::uint8_t> file, const std::string& where) {
+NpyHeader ParseNpyHeader(std::span<const std::uint8_t> file, const std::string& where) {
   const std::string_view text(reinterpret_cast<const char*>(file.data()), file.size());
   Require(text.starts_with(kMagic) && text.size() >= 12, where + ": is not an npy file");
   const int major = text[6];
@@ -183,30 +177,37 @@ NpyArray ParseNpy(std::span<const std::uint8_t> file, const std::string& where) 
                                              : LoadLittle<std::uint32_t>(text.data(), 8);
   Require(header_size <= text.size() - start,
           where + ": the npy header is cut short: write the file again");
-  Header header = HeaderParser(text.substr(start, header_size), where).Parse();
+  NpyHeader header = HeaderParser(text.substr(start, header_size), where).Parse();
+  header.data_offset = start + header_size;
+  return header;
+}
 
-  Require(
-      header.descr != "|O" && header.descr != "O",
-      where +
-          ": holds Python objects, which are never read: save it with a numeric or string dtype");
+NpyArray ArrayFrom(NpyHeader header, std::span<const std::uint8_t> data, const std::string& where) {
   const bool big = header.descr[0] == '>';
   std::string dtype = header.descr;
   if (dtype[0] == '>' || dtype[0] == '=') dtype[0] = '<';
   const std::size_t item = ItemSize(dtype);
   Require(item > 0, where + ": dtype '" + Shown(header.descr) +
                         "' is not read: save it as float, integer, bool or text (U)");
-
-  const std::size_t available = text.size() - start - header_size;
-  const std::optional<std::size_t> count = CheckedCount(header.shape, available / item);
-  Require(count && *count * item == available,
-          where + ": " + std::to_string(available) +
+  const std::optional<std::size_t> count = CheckedCount(header.shape, data.size() / item);
+  Require(count && *count * item == data.size(),
+          where + ": " + std::to_string(data.size()) +
               " bytes of data do not match its shape: it is damaged or cut short");
-  const auto data = file.subspan(start + header_size);
   NpyArray array{dtype, std::move(header.shape), {data.begin(), data.end()}};
   if (big) SwapElements(array.bytes, UnitSize(dtype, item));
   if (header.fortran && array.shape.size() > 1)
     array.bytes = FromFortran(array.bytes, array.shape, item);
   return array;
+}
+
+NpyArray ParseNpy(std::span<const std::uint8_t> file, const std::string& where) {
+  NpyHeader header = ParseNpyHeader(file, where);
+  Require(
+      !header.HoldsObjects(),
+      where +
+          ": holds Python objects, which are never read: save it with a numeric or string dtype");
+  const auto data = file.subspan(header.data_offset);
+  return ArrayFrom(std::move(header), data, where);
 }
 
 std::vector<std::uint8_t> FormatNpy(const NpyArray& array, const std::string& where) {

@@ -66,6 +66,26 @@ void CheckTree(const FootModel& model) {
   }
 }
 
+void CheckConstraints(const FootModel& model) {
+  if (model.pose_index.rows() > 0) {
+    CheckSize(model.pose_index.rows(), model.NumJoints(), "pose index's number of rows");
+    Require(model.pose_index.maxCoeff() < 3 * model.NumJoints(),
+            "foot model: its pose index names more values than its joints have");
+  }
+  if (model.constraints.empty()) return;
+  CheckSize(static_cast<Eigen::Index>(model.constraints.size()), model.NumJoints(),
+            "number of joint constraints");
+  Require(model.family == Family::kSupr && model.network.empty(),
+          "foot model: hinges are known for SUPR models without a contact network only");
+  for (const JointConstraint& constraint : model.constraints) {
+    Require(constraint.axes.size() <= 2, "foot model: a joint has more than two axes");
+    for (const Eigen::Vector3d& axis : constraint.axes) {
+      Require(std::abs(axis.norm() - 1) < 1e-3,
+              fmt::format("foot model: a hinge's axis has length {:.4g}, expected 1", axis.norm()));
+    }
+  }
+}
+
 void CheckUpsampling(const FootModel& model) {
   if (!model.HasFine()) return;
   Require(model.fine.NumVertices() >= model.NumVertices(),
@@ -171,6 +191,7 @@ Eigen::MatrixXd RegressJoints(const FootModel& model, const Eigen::MatrixXd& sta
 
 void Prepare(FootModel& model) {
   CheckTree(model);
+  CheckConstraints(model);
   CheckSurface(model.coarse, model, "coarse");
   if (model.HasFine()) CheckSurface(model.fine, model, "fine");
   CheckUpsampling(model);

@@ -42,6 +42,14 @@ struct Landmark {
   int vertex = -1;  ///< of the coarse surface
 };
 
+/// Axes that a joint turns about, unit vectors, right-handed. None: any axis, its row of theta is an
+/// axis-angle vector. One (hinge): the row's first value is the angle. Two (double hinge): the first
+/// two values are the angles, rotation = that about axes[0] times that about axes[1], and the pose
+/// feature is the product of the two features (x, y, z, w - 1) as quaternions.
+struct JointConstraint {
+  std::vector<Eigen::Vector3d> axes;
+};
+
 /// Sparse row of the upsampling matrix: coarse vertices and their weights (sum 1).
 using UpsamplingRow = std::vector<std::pair<int, double>>;
 
@@ -71,6 +79,9 @@ struct FootModel {
   std::vector<int>
       parents;  ///< K; the root is joint 0 with parent -1, parents come before children
   std::vector<std::string> joint_names;  ///< K, or empty
+  std::vector<JointConstraint> constraints;  ///< K, or empty where every joint turns freely
+  /// K x 3: place of theta(j, i) in a flat vector of pose values, -1 for none; no rows: 3 j + i.
+  Eigen::MatrixX3i pose_index;
   ModelSurface coarse;
   ModelSurface
       fine;  ///< no vertices where the model has no fine variant; the first N are the coarse ones

@@ -5,8 +5,8 @@
 #include <cstddef>
 
 #include "core/error.h"
+#include "model/constraints.h"
 #include "model/contact_network.h"
-#include "model/pose_features.h"
 #include "model/skeleton.h"
 
 namespace sole::model {
@@ -40,7 +40,7 @@ Eigen::MatrixX3d RestVertices(const FootModel& model, const ModelParameters& par
   Eigen::Map<Eigen::VectorXd> stacked(positions.data(), positions.size());
   stacked += surface.shapedirs.leftCols(parameters.beta.size()) * parameters.beta;
   if (surface.posedirs.cols() > 0)
-    stacked += surface.posedirs * PoseFeatures(model.family, parameters.theta, parameters.beta);
+    stacked += surface.posedirs * ConstrainedPoseFeatures(model, parameters.theta, parameters.beta);
   const Eigen::VectorXd offsets =
       ContactOffsets(model, variant, parameters.theta, parameters.beta, parameters.contact);
   if (offsets.size() > 0) stacked += offsets;

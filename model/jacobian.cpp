@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "core/error.h"
+#include "model/constraints.h"
 #include "model/contact_network.h"
-#include "model/pose_features.h"
 #include "model/skeleton.h"
 
 namespace sole::model {
@@ -33,7 +33,7 @@ PoseDerivative DifferentiatePose(const FootModel& model, const ModelParameters& 
   d.skeleton = PoseSkeleton(model, parameters.theta, parameters.beta);
   for (std::size_t j = 0; j < k; ++j) {
     const auto row = static_cast<Eigen::Index>(j);
-    const Eigen::Matrix3d left = LeftJacobian(parameters.theta.row(row));
+    const Eigen::Matrix3d left = TurnAxes(model, parameters.theta, row);
     const Eigen::Matrix3Xd rest = model.derived.joint_shapedirs.block(3 * row, 0, 3, betas);
     if (model.parents[j] < 0) {
       d.turn_axes.push_back(left);
@@ -44,7 +44,7 @@ PoseDerivative DifferentiatePose(const FootModel& model, const ModelParameters& 
       d.joint_by_beta.emplace_back(d.skeleton.rotations[parent] * rest + d.offset_by_beta[parent]);
     }
     d.offset_by_beta.emplace_back(d.joint_by_beta[j] - d.skeleton.rotations[j] * rest);
-    d.features.push_back(PoseFeatureBlock(model.family, parameters.theta, row));
+    d.features.push_back(ConstrainedFeatureBlock(model, parameters.theta, row));
   }
   return d;
 }

@@ -9,6 +9,13 @@ void MirrorRows(int axis, Eigen::Ref<Eigen::MatrixXd> stacked) {
   for (Eigen::Index row = axis; row < stacked.rows(); row += 3) stacked.row(row) *= -1;
 }
 
+/// A rotation vector seen in the mirror.
+Eigen::Vector3d MirroredTurn(const Eigen::Vector3d& turn, int axis) {
+  Eigen::Vector3d mirrored = -turn;
+  mirrored[axis] = turn[axis];
+  return mirrored;
+}
+
 /// Sign of each pose feature under mirroring: rotation vectors are axial, they keep the mirrored
 /// axis and change the other two.
 Eigen::VectorXd FeatureSigns(Family family, Eigen::Index joints, int axis) {
@@ -50,6 +57,9 @@ FootModel MirrorModel(const FootModel& model) {
     for (Eigen::Index column = axis; column < 3 * n; column += 3)
       mirrored.joint_regressor.col(column) *= -1;
   }
+  for (JointConstraint& constraint : mirrored.constraints) {
+    for (Eigen::Vector3d& turn : constraint.axes) turn = MirroredTurn(turn, axis);
+  }
   if (!model.network.empty()) {
     const Eigen::VectorXd signs = FeatureSigns(Family::kSupr, joints, axis);
     NetworkLayer& first = mirrored.network.front();
@@ -64,8 +74,11 @@ FootModel MirrorModel(const FootModel& model) {
 
 ModelParameters MirrorParameters(const FootModel& model, const ModelParameters& parameters) {
   ModelParameters mirrored = parameters;
-  mirrored.theta *= -1;
-  mirrored.theta.col(model.mirror_axis) *= -1;
+  for (Eigen::Index j = 0; j < mirrored.theta.rows(); ++j) {
+    const auto at = static_cast<std::size_t>(j);
+    const bool hinge = at < model.constraints.size() && !model.constraints[at].axes.empty();
+    if (!hinge) mirrored.theta.row(j) = MirroredTurn(mirrored.theta.row(j), model.mirror_axis);
+  }
   mirrored.translation_m[model.mirror_axis] *= -1;
   return mirrored;
 }

@@ -3,13 +3,15 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstring>
 
 #include "core/error.h"
 #include "io/npz.h"
-#include "model/pose_features.h"
+#include "model/constraints.h"
+#include "model/released_model.h"
 
 namespace sole::model {
 namespace {
@@ -119,6 +121,19 @@ void PutSkeleton(io::Npz& npz, const FootModel& model, bool single) {
   npz["landmark_names"] = io::NpyFrom(names);
 }
 
+void PutConstraints(io::Npz& npz, const FootModel& model) {
+  if (model.pose_index.rows() > 0)
+    npz["pose_index"] = io::NpyFrom(Eigen::MatrixXi(model.pose_index));
+  if (model.constraints.empty()) return;
+  Eigen::MatrixXd axes = Eigen::MatrixXd::Zero(model.NumJoints(), 6);
+  for (Eigen::Index j = 0; j < axes.rows(); ++j) {
+    Eigen::Index at = 0;
+    for (const Eigen::Vector3d& axis : model.constraints[Size(j)].axes)
+      axes.block<1, 3>(j, 3 * at++) = axis.transpose();
+  }
+  npz["hinge_axes"] = RealArray(axes, {Size(axes.rows()), 2, 3}, false);
+}
+
 /// Shape of an array, after checking its number of dimensions.
 const Shape& Dimensions(const io::Npz& npz, const std::string& name, std::size_t dimensions) {
   const Shape& shape = io::ShapeOf(npz, name);
@@ -225,6 +240,25 @@ void GetSkeleton(const io::Npz& npz, FootModel& model) {
   for (std::size_t l = 0; l < names.size(); ++l) model.landmarks.push_back({names[l], vertices[l]});
 }
 
+void GetConstraints(const io::Npz& npz, FootModel& model) {
+  if (npz.contains("pose_index")) {
+    const Eigen::MatrixXi index = Integers(npz, "pose_index");
+    Require(index.cols() == 3, "'pose_index' has not three columns");
+    model.pose_index = index;
+  }
+  if (!npz.contains("hinge_axes")) return;
+  const Shape& shape = Dimensions(npz, "hinge_axes", 3);
+  Require(shape[1] == 2 && shape[2] == 3, "'hinge_axes' has a shape other than (K, 2, 3)");
+  const Eigen::MatrixXd axes = io::MatrixFrom(npz, "hinge_axes");
+  model.constraints.resize(shape[0]);
+  for (Eigen::Index j = 0; j < axes.rows(); ++j) {
+    for (const Eigen::Index first : {0, 3}) {
+      const Eigen::Vector3d axis = axes.block<1, 3>(j, first);
+      if (!axis.isZero(0)) model.constraints[Size(j)].axes.push_back(axis);
+    }
+  }
+}
+
 Family FamilyFrom(const std::string& name) {
   for (const Family family : {Family::kSupr, Family::kStar, Family::kSmpl}) {
     if (FamilyName(family) == name) return family;
@@ -253,6 +287,7 @@ FootModel ModelFrom(const io::Npz& npz) {
   Require(mirror.size() == 1, "'mirror' is not one number");
   model.mirror_axis = mirror[0];
   GetSkeleton(npz, model);
+  GetConstraints(npz, model);
   model.coarse = GetSurface(npz, "");
   if (npz.contains("fine_v_template")) model.fine = GetSurface(npz, "fine_");
   if (npz.contains("upsampling_vertex")) model.upsampling = GetUpsampling(npz);
@@ -306,6 +341,7 @@ void SaveModel(const std::filesystem::path& path, const FootModel& model,
   npz["mirror"] = io::NpyFrom(std::vector<int>{model.mirror_axis});
   const Eigen::Index features = NumPoseFeatures(model.family, model.NumJoints());
   PutSkeleton(npz, model, single);
+  PutConstraints(npz, model);
   PutSurface(npz, "", model.coarse, features, single);
   if (model.HasFine()) PutSurface(npz, "fine_", model.fine, features, single);
   if (!model.upsampling.empty()) PutUpsampling(npz, model.upsampling, single);
@@ -329,7 +365,8 @@ std::vector<std::string> DescribeModel(const FootModel& model) {
   for (const std::string& name : model.joint_names) joints += (joints.empty() ? "" : ", ") + name;
   const bool correctives = model.coarse.posedirs.cols() > 0;
   std::vector<std::string> lines = {
-      fmt::format("family    {} ({} pose features, correctives {})", FamilyName(model.family),
+      fmt::format("family    {}, a {} model ({} pose features, correctives {})",
+                  FamilyName(model.family), ReleasedName(model),
                   NumPoseFeatures(model.family, model.NumJoints()),
                   correctives ? "present" : "zero"),
       fmt::format("side      {}", model.side == Side::kRight ? "right" : "left"),
@@ -340,6 +377,13 @@ std::vector<std::string> DescribeModel(const FootModel& model) {
                                 model.fine.triangles.rows()));
   lines.push_back(
       fmt::format("joints    {}: {}", model.NumJoints(), joints.empty() ? "unnamed" : joints));
+  if (!model.constraints.empty()) {
+    std::array<int, 3> by_axes{};
+    for (const JointConstraint& constraint : model.constraints) ++by_axes[constraint.axes.size()];
+    lines.push_back(fmt::format("hinges    {} hinges, {} double hinges, {} free joints", by_axes[1],
+                                by_axes[2], by_axes[0]));
+  }
+  lines.push_back(fmt::format("pose      {} values", NumPoseValues(model)));
   lines.push_back(fmt::format("shapes    {}", model.NumBetas()));
   lines.push_back(
       fmt::format("network   {}",

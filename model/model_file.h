@@ -18,7 +18,8 @@ struct SaveModelOptions {
 /// (N,3,P), J_regressor (K,N) or (3K,3N+1), joint_names (K), landmarks (vertex) and landmark_names,
 /// mirror (axis), A* (N,K), network_weight_0*, network_bias_0* ..., fine_v_template*, fine_f*,
 /// fine_weights*, fine_shapedirs*, fine_posedirs* (F rows), upsampling_vertex*, upsampling_weight*
-/// (F,m), material_triangle* (N), material_barycentric* (N,3). Throws Error with the path where the
+/// (F,m), material_triangle* (N), material_barycentric* (N,3), hinge_axes* (K,2,3: zero where a
+/// joint has fewer than two), pose_index* (K,3). Throws Error with the path where the
 /// file is not such a model or a size does not fit the others.
 FootModel LoadModel(const std::filesystem::path& path);
 

@@ -2,7 +2,7 @@
 
 #include <cstddef>
 
-#include "model/pose_features.h"
+#include "model/constraints.h"
 
 namespace sole::model {
 
@@ -18,7 +18,7 @@ Skeleton PoseSkeleton(const FootModel& model, const Eigen::MatrixX3d& theta,
   skeleton.rotations.resize(static_cast<std::size_t>(k));
   for (Eigen::Index j = 0; j < k; ++j) {
     const auto at = static_cast<std::size_t>(j);
-    const Eigen::Matrix3d local = RotationFrom(theta.row(j));
+    const Eigen::Matrix3d local = LocalRotation(model, theta, j);
     const int parent = model.parents[at];
     if (parent < 0) {
       skeleton.rotations[at] = local;
