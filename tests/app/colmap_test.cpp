@@ -1,0 +1,94 @@
+// COLMAP, run as a program, reads our models and fuses our depth maps.
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+
+#include "io/colmap_maps.h"
+#include "io/mesh_file.h"
+#include "recon/depth_map.h"
+#include "tests/recon/ellipsoid_cloud.h"
+#include "tests/recon/speckle_scene.h"
+#include "tests/support/temp_dir.h"
+
+namespace sole {
+namespace {
+
+namespace fs = std::filesystem;
+
+const Eigen::Vector3d kCentre(0, 0, 0.05), kRadii(0.04, 0.1, 0.045);
+
+bool HasColmap() { return std::system("command -v colmap > /dev/null 2>&1") == 0; }
+
+bool RunColmap(const std::string& arguments, const fs::path& log) {
+  return std::system(("QT_QPA_PLATFORM=offscreen colmap " + arguments + " > " + log.string() + " 2>&1").c_str()) == 0;
+}
+
+class Colmap : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!HasColmap()) GTEST_SKIP() << "colmap is not installed: run scripts/setup";
+  }
+  testing_support::TempDir folder;
+  Rig rig = testing_support::NominalRig(MakeDefaultRig(8, 812, 618));
+};
+
+TEST_F(Colmap, ConvertsOurModelAndWeReadItBack) {
+  std::vector<io::ColmapView> views;
+  for (const Camera& camera : rig.cameras) views.push_back({camera, camera.serial + ".png"});
+  io::WriteColmapModel(folder / "text", views,
+                       {{{0.1, 0.2, 0.3}, 128, {}}, {{0, 0, 0}, 99, {{0, {400, 300}}, {1, {410, 310}}}}});
+  for (const char* sub : {"binary", "back"}) fs::create_directory(folder / sub);
+  const auto convert = [&](const std::string& from, const std::string& to, const std::string& type) {
+    return RunColmap("model_converter --input_path " + (folder / from).string() + " --output_path " +
+                         (folder / to).string() + " --output_type " + type,
+                     folder / "log");
+  };
+  ASSERT_TRUE(convert("text", "binary", "BIN"));
+  ASSERT_TRUE(fs::exists(folder / "binary" / "points3D.bin"));
+  ASSERT_TRUE(convert("binary", "back", "TXT"));
+  const std::vector<io::ColmapView> read = io::ReadColmapModel(folder / "back");
+  ASSERT_EQ(read.size(), views.size());
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    EXPECT_EQ(read[i].image, views[i].image);
+    EXPECT_LT((read[i].camera.intrinsics - views[i].camera.intrinsics).cwiseAbs().maxCoeff(), 1e-9);
+    EXPECT_LT((read[i].camera.CentreInWorld() - views[i].camera.CentreInWorld()).norm(), 1e-9);
+  }
+}
+
+TEST_F(Colmap, FusesOurDepthAndNormalMaps) {
+  const PointCloud cloud = testing_support::EllipsoidCloud(kCentre, kRadii, 0.0015);
+  std::vector<io::ColmapDenseView> views;
+  for (const Camera& camera : rig.cameras) {
+    recon::DepthMap map = recon::RenderDepthMap(cloud, camera, {.spacing_m = 0.0015});
+    views.push_back({{map.camera, camera.serial + ".png"}, map.grey, map.depth_m, map.normals});
+  }
+  io::WriteColmapWorkspace(folder / "dense", views, cloud);
+  const fs::path fused = folder / "fused.ply";
+  ASSERT_TRUE(RunColmap("stereo_fusion --workspace_path " + (folder / "dense").string() +
+                            " --input_type geometric --StereoFusion.min_num_pixels 2 --StereoFusion.num_threads 2"
+                            " --output_path " + fused.string(),
+                        folder / "log"));
+  const PointCloud read = io::ReadPlyCloud(fused);
+  std::printf("%zu points from %zu\n", read.Size(), cloud.Size());
+  EXPECT_GT(read.Size(), cloud.Size() / 4);
+  const auto truth = testing_support::Ellipsoid(kCentre, kRadii);
+  double squares = 0;
+  int flipped = 0;
+  ASSERT_EQ(read.normals.size(), read.Size());
+  for (std::size_t i = 0; i < read.Size(); ++i) {
+    const Eigen::Vector3d p = read.points_m[i].cast<double>();
+    squares += std::pow(truth.distance(p), 2);
+    const Eigen::Vector3d normal = (p - kCentre).cwiseQuotient(kRadii.cwiseAbs2()).normalized();
+    flipped += normal.dot(read.normals[i].cast<double>()) < 0.9 ? 1 : 0;
+  }
+  const double rms_m = std::sqrt(squares / static_cast<double>(read.Size()));
+  std::printf("rms %.4f mm, %d normals off\n", 1000 * rms_m, flipped);
+  EXPECT_LT(rms_m, 0.0001);
+  EXPECT_LT(flipped, 0.01 * static_cast<double>(read.Size()));
+}
+
+}  // namespace
+}  // namespace sole
