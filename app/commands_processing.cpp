@@ -34,31 +34,22 @@ json StatsJson(const CalibrationStats& s) {
           {"camera_rms_px", s.camera_rms_px}, {"camera_corners", s.camera_corners}};
 }
 
-void CalibrateCommand(const Arguments& a, const CommonOptions& common) {
+json CalibrateCommand(const Arguments& a) {
   TakeList takes({a.takes.begin(), a.takes.end()});
   const Calibration calibration = calib::Calibrate(takes.Config(), takes);
   io::WriteCalibration(a.out, calibration);
-  const json stats = StatsJson(calibration.stats);
-  if (common.json) {
-    fmt::print("{}\n", stats.dump(2));
-    return;
-  }
-  fmt::print("{}", FormatSummary(json{{"calibration", stats}}));
+  return StatsJson(calibration.stats);
 }
 
-void EvaluateCommand(const Arguments& a, const CommonOptions& common) {
-  const json summary = EvaluateTake(a.take, LoadModelPair(a.ModelPath()).right);
-  fmt::print("{}", common.json ? summary.dump(2) + "\n" : FormatSummary(summary));
-}
-
-/// A command that runs `body` within the cap on threads.
+/// A command that runs `body` within the cap on threads and prints the account it returns.
 CLI::App* AddCommand(CLI::App& app, CommonOptions& common, int& status, const std::string& name,
-                     const std::string& description, const std::string& example, const std::function<void()>& body) {
+                     const std::string& description, const std::string& example, const std::function<json()>& body) {
   CLI::App* command = app.add_subcommand(name, description);
   command->footer("Example: " + example);
   command->callback([body, &common, &status] {
     const ThreadCap cap(common.threads);
-    body();
+    const json account = body();
+    fmt::print("{}", common.json ? account.dump(2) + "\n" : FormatSummary(account));
     status = 0;
   });
   return command;
@@ -72,48 +63,48 @@ void AddProcessingCommands(CLI::App& app, CommonOptions& common, int& status) {
   const auto add_model = [a](CLI::App* command) { command->add_option("--model", a->model, "Foot model; default: the shipped one"); };
 
   CLI::App* calibrate = AddCommand(app, common, status, "calibrate", "Cameras and plate from takes of the calibration cube",
-                                   "sole calibrate takes/cube --out rig-calibration.json", [a, &common] { CalibrateCommand(*a, common); });
+                                   "sole calibrate takes/cube --out rig-calibration.json", [a] { return CalibrateCommand(*a); });
   calibrate->add_option("TAKE", a->takes, "Calibration takes")->required();
   calibrate->add_option("--out", a->out, "Calibration file to write")->required();
 
   CLI::App* reconstruct = AddCommand(app, common, status, "reconstruct", "One point cloud per trigger",
                                      "sole reconstruct takes/S017 --calibration rig-calibration.json",
-                                     [a] { RunReconstruct(a->take, a->calibration); });
+                                     [a] { return RunReconstruct(a->take, a->calibration); });
   add_take(reconstruct);
   reconstruct->add_option("--calibration", a->calibration, "Calibration file")->required();
 
   add_take(AddCommand(app, common, status, "contact", "Ground surface of every frame", "sole contact takes/S017",
-                      [a] { RunContact(a->take); }));
+                      [a] { return RunContact(a->take); }));
 
   CLI::App* fit = AddCommand(app, common, status, "fit", "Registration, contact labels and model fit",
                              "sole fit takes/S017 --model models/sole-foot.npz",
-                             [a] { RunFit(a->take, LoadModelPair(a->ModelPath())); });
+                             [a] { return RunFit(a->take, LoadModelPair(a->ModelPath())); });
   add_take(fit);
   add_model(fit);
 
   CLI::App* process = AddCommand(app, common, status, "process", "reconstruct, contact, fit, measure and export, only what is stale",
                                  "sole process takes/S017 --calibration rig-calibration.json",
-                                 [a] { RunProcess(a->take, a->calibration, a->ModelPath()); });
+                                 [a] { return RunProcess(a->take, a->calibration, a->ModelPath()); });
   add_take(process);
   add_model(process);
   process->add_option("--calibration", a->calibration, "Calibration file; default: the one the take was reconstructed with");
 
   CLI::App* measure = AddCommand(app, common, status, "measure", "Length, widths and heights of the fitted foot",
-                                 "sole measure takes/S017", [a] { RunMeasure(a->take, LoadModelPair(a->ModelPath())); });
+                                 "sole measure takes/S017", [a] { return RunMeasure(a->take, LoadModelPair(a->ModelPath())); });
   add_take(measure);
   add_model(measure);
 
   CLI::App* export_command = AddCommand(app, common, status, "export", "Files for others",
                                         "sole export takes/S017 --to glb", [a] {
                                           const auto path = RunExport(a->take, LoadModelPair(a->ModelPath()), a->format);
-                                          fmt::print("{}\n", path.string());
+                                          return json{{"path", path.string()}};
                                         });
   add_take(export_command);
   add_model(export_command);
   export_command->add_option("--to", a->format, fmt::format("Format: {}", fmt::join(ExportFormats(), ", ")))->required();
 
   CLI::App* evaluate = AddCommand(app, common, status, "evaluate", "Scores a processed simulated take against its truth",
-                                  "sole evaluate demo-out/take --json", [a, &common] { EvaluateCommand(*a, common); });
+                                  "sole evaluate demo-out/take --json", [a] { return EvaluateTake(a->take, LoadModelPair(a->ModelPath()).right); });
   add_take(evaluate);
   add_model(evaluate);
 }

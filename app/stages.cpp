@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <cstdlib>
-#include <fstream>
+#include <map>
+#include <utility>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -80,7 +81,7 @@ fs::path DefaultModelPath() {
   return name;
 }
 
-void RunReconstruct(const fs::path& directory, const fs::path& calibration_path) {
+json RunReconstruct(const fs::path& directory, const fs::path& calibration_path) {
   const io::TakePaths take{directory};
   const io::TakeReader reader(directory);
   const Calibration calibration = io::ReadCalibration(calibration_path);
@@ -93,7 +94,8 @@ void RunReconstruct(const fs::path& directory, const fs::path& calibration_path)
   io::MakeDirectory(take.Platform(1).parent_path());
 
   json frames = json::array();
-  double seconds = 0;
+  double seconds = 0, points = 0;
+  int empty = 0;
   const int count = static_cast<int>(reader.Triggers().size());
   Progress progress("reconstruct", count);
   for (int i = 0; i < count; ++i) {
@@ -111,16 +113,20 @@ void RunReconstruct(const fs::path& directory, const fs::path& calibration_path)
     frames.push_back({{"trigger", frame.trigger}, {"points", result.cloud.Size()},
                       {"platform_points", result.platform.Size()}, {"seconds", result.seconds}, {"pairs", pairs}});
     seconds += result.seconds;
+    points += static_cast<double>(result.cloud.Size());
+    empty += result.cloud.Size() == 0;
     progress.Set(i + 1);
   }
   if (fs::absolute(calibration_path) != fs::absolute(directory / "calibration.json")) {
     io::WriteCalibration(directory / "calibration.json", calibration);
   }
-  const json stats{{"format_version", 1}, {"seconds_per_frame", count ? json(seconds / count) : json(nullptr)}, {"frames", frames}};
+  const auto per_frame = [count](double sum) { return count ? json(sum / count) : json(nullptr); };
+  const json stats{{"format_version", 1}, {"seconds_per_frame", per_frame(seconds)}, {"frames", frames}};
   io::WriteStringAtomically(take.ReconstructionStats(), stats.dump(2) + "\n");
+  return {{"frames", count}, {"frames_without_foot", empty}, {"points_mean", per_frame(points)}, {"seconds_per_frame", per_frame(seconds)}};
 }
 
-void RunContact(const fs::path& directory) {
+json RunContact(const fs::path& directory) {
   const io::TakePaths take{directory};
   io::ContactFile file;
   for (const std::int64_t trigger : TriggerNumbers(take)) {
@@ -130,9 +136,14 @@ void RunContact(const fs::path& directory) {
     file.ground.push_back(contact::EstimateGround(io::ReadPlyCloud(take.Platform(trigger))));
   }
   io::WriteContact(take.Contact(), file);
+  double offset = 0, points = 0;
+  for (const GroundPlane& ground : file.ground) offset += ground.offset_m, points += ground.points;
+  const auto count = static_cast<double>(file.ground.size());
+  return {{"frames", file.ground.size()}, {"plane_offset_mm", count > 0 ? json(1e3 * offset / count) : json(nullptr)},
+          {"platform_points", count > 0 ? json(points / count) : json(nullptr)}};
 }
 
-void RunFit(const fs::path& directory, const ModelPair& models) {
+json RunFit(const fs::path& directory, const ModelPair& models) {
   const io::TakePaths take{directory};
   const std::vector<std::int64_t> triggers = TriggerNumbers(take);
   const std::vector<PointCloud> clouds = ReadScans(take, triggers);
@@ -157,36 +168,53 @@ void RunFit(const fs::path& directory, const ModelPair& models) {
   const json stats{{"format_version", 1},
                    {"seconds_per_frame", triggers.empty() ? json(nullptr) : json(watch.Seconds() / static_cast<double>(triggers.size()))}};
   io::WriteStringAtomically(directory / "fit.json", stats.dump(2) + "\n");
+  const auto first = std::find_if(fit.frames.begin(), fit.frames.end(), [](const FrameFit& f) { return f.found; });
+  const auto count_if = [&](auto condition) { return std::count_if(fit.frames.begin(), fit.frames.end(), condition); };
+  return {{"frames", fit.frames.size()},
+          {"found", count_if([](const FrameFit& f) { return f.found; })},
+          {"good", count_if([](const FrameFit& f) { return f.verdict == "good"; })},
+          {"side", first == fit.frames.end() ? json(nullptr) : json(first->side == Side::kLeft ? "left" : "right")},
+          {"seconds_per_frame", stats["seconds_per_frame"]}};
 }
 
-void RunMeasure(const fs::path& directory, const ModelPair& models) {
+json RunMeasure(const fs::path& directory, const ModelPair& models) {
   const io::TakePaths take{directory};
   Require(fs::exists(take.Fit()), take.Fit().string() + " is missing: run `sole fit " + directory.string() + "` first");
   const FitSequence fit = io::ReadFit(take.Fit());
   const io::ContactFile contact = io::ReadContact(take.Contact());
   std::vector<io::Measurement> rows;
+  std::map<std::string, std::pair<double, int>> sums;
   for (std::size_t f = 0; f < fit.frames.size(); ++f) {
     const FrameFit& frame = fit.frames[f];
     const model::FootModel& model = frame.side == Side::kRight ? models.right : models.left;
     for (const model::FootMeasure& m : model::MeasureFrame(model, frame, contact.ground.at(f))) {
       rows.push_back({frame.trigger, m.name, 1e3 * m.value_m, "mm", 1e3 * m.sd_m, 1});
+      sums[m.name].first += 1e3 * m.value_m;
+      ++sums[m.name].second;
     }
   }
   io::WriteMeasurements(take.Measurements(), rows);
+  json means = json::object();
+  for (const auto& [name, sum] : sums) means[name + "_mm"] = sum.first / sum.second;
+  return means;
 }
 
-void RunProcess(const fs::path& directory, const fs::path& calibration, const fs::path& model_path) {
+json RunProcess(const fs::path& directory, const fs::path& calibration, const fs::path& model_path) {
   const io::TakePaths take{directory};
   const fs::path own = directory / "calibration.json";
   const fs::path used = calibration.empty() ? own : calibration;
   Require(fs::exists(used), used.string() + " does not exist: give --calibration FILE (made by `sole calibrate`)");
   const ModelPair models = LoadModelPair(model_path);
-  if (Stale(take.ReconstructionStats(), {take.Info(), used})) RunReconstruct(directory, used);
+  json account = json::object();
+  if (Stale(take.ReconstructionStats(), {take.Info(), used})) account["reconstruct"] = RunReconstruct(directory, used);
   const bool refit = Stale(take.Fit(), {take.ReconstructionStats(), model_path});
-  if (refit || Stale(take.Contact(), {take.ReconstructionStats()})) RunContact(directory);
-  if (refit) RunFit(directory, models);
-  if (Stale(take.Measurements(), {take.Fit()})) RunMeasure(directory, models);
-  for (const std::string& format : ExportFormats()) RunExport(directory, models, format);
+  if (refit || Stale(take.Contact(), {take.ReconstructionStats()})) account["contact"] = RunContact(directory);
+  if (refit) account["fit"] = RunFit(directory, models);
+  if (Stale(take.Measurements(), {take.Fit()})) account["measure"] = RunMeasure(directory, models);
+  for (const std::string& format : ExportFormats()) {
+    account["export"][format] = RunExport(directory, models, format).string();
+  }
+  return account;
 }
 
 }  // namespace sole::app

@@ -5,13 +5,16 @@
 #include <string>
 #include <vector>
 
+#include <nlohmann/json.hpp>
+
 #include "core/rig.h"
 #include "model/foot_model.h"
 
 namespace sole::app {
 
 /// Each stage reads what earlier stages left in the take and writes its own files; all are listed in
-/// docs/formats.md. They throw Error where the input is missing or does not fit.
+/// docs/formats.md. They throw Error where the input is missing or does not fit, and return a short account for the
+/// terminal or --json.
 
 /// Both sides of a foot model.
 struct ModelPair {
@@ -24,14 +27,15 @@ ModelPair LoadModelPair(const std::filesystem::path& path);
 /// program's own.
 std::filesystem::path DefaultModelPath();
 
-/// scans/, scans/platform/, scans/stats.json and a copy of the calibration.
-void RunReconstruct(const std::filesystem::path& take, const std::filesystem::path& calibration);
-/// contact.npz with the ground of every frame.
-void RunContact(const std::filesystem::path& take);
-/// fit.npz, fit.json and the labels of contact.npz.
-void RunFit(const std::filesystem::path& take, const ModelPair& models);
-/// measurements.csv
-void RunMeasure(const std::filesystem::path& take, const ModelPair& models);
+/// scans/, scans/platform/, scans/stats.json and a copy of the calibration. Returns frames, points_mean, frames_without_foot,
+/// seconds_per_frame.
+nlohmann::json RunReconstruct(const std::filesystem::path& take, const std::filesystem::path& calibration);
+/// contact.npz with the ground of every frame. Returns frames, plane_offset_mm (mean), platform_points (mean).
+nlohmann::json RunContact(const std::filesystem::path& take);
+/// fit.npz, fit.json and the labels of contact.npz. Returns frames, found, good, side, seconds_per_frame.
+nlohmann::json RunFit(const std::filesystem::path& take, const ModelPair& models);
+/// measurements.csv. Returns the mean of every measure over the frames, in millimetres.
+nlohmann::json RunMeasure(const std::filesystem::path& take, const ModelPair& models);
 
 /// Formats of RunExport.
 const std::vector<std::string>& ExportFormats();
@@ -39,7 +43,7 @@ const std::vector<std::string>& ExportFormats();
 std::filesystem::path RunExport(const std::filesystem::path& take, const ModelPair& models, const std::string& format);
 
 /// All of the above in order, leaving out what is newer than its input. `calibration` may be empty if the
-/// take already holds one.
-void RunProcess(const std::filesystem::path& take, const std::filesystem::path& calibration, const std::filesystem::path& model);
+/// take already holds one. Returns the accounts of the stages that ran and the exported files.
+nlohmann::json RunProcess(const std::filesystem::path& take, const std::filesystem::path& calibration, const std::filesystem::path& model);
 
 }  // namespace sole::app
