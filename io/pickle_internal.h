@@ -88,8 +88,11 @@ class PickleObjects {
   const std::string& where_;
 };
 
-/// Appends a code point as UTF-8.
-void AppendUtf8(std::string& text, std::uint32_t code_point);
+/// Undoes repr() of a Python 2 string, quotes included.
+std::string Unquoted(std::string_view text);
+
+/// UTF-8 of "raw-unicode-escape".
+std::string Unescaped(std::string_view text);
 
 /// Runs the pickle's stack machine. Throws Error on damage and on what is not allowed.
 Pickle ParsePickle(std::string_view bytes, const std::string& where, MemoryBudget& budget);

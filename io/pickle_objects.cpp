@@ -67,20 +67,6 @@ PickleNode* Pickle::Add(PickleKind kind, const std::string& where) {
   return &nodes.back();
 }
 
-void AppendUtf8(std::string& text, std::uint32_t c) {
-  const auto put = [&](std::uint32_t byte) {
-    text += static_cast<char>(static_cast<unsigned char>(byte));
-  };
-  if (c < 0x80) {
-    put(c);
-    return;
-  }
-  const int more = c < 0x800 ? 1 : c < 0x10000 ? 2 : 3;
-  constexpr std::array<std::uint32_t, 4> kLead = {0, 0xc0, 0xe0, 0xf0};
-  put(kLead[static_cast<std::size_t>(more)] | c >> (6 * more));
-  for (int i = more - 1; i >= 0; --i) put(0x80 | (c >> (6 * i) & 0x3f));
-}
-
 void PickleObjects::Refuse(const std::string& what) const {
   throw Error(where_ + ": the pickle " + what +
               "; pickles are programs, so only arrays, numbers and text are read");

@@ -54,7 +54,8 @@ TEST_F(BadInput, WrongUsageIsStatusTwo) {
 
 TEST_F(BadInput, EveryCommandHasHelpWithAnExample) {
   for (const char* command : {"demo", "sim serve", "sim render", "rig check", "record", "calibrate", "reconstruct", "contact",
-                              "fit", "process", "measure", "export", "evaluate", "match", "model info"}) {
+                              "fit", "process", "measure", "export", "evaluate", "match", "model info",
+                              "model convert", "model pose", "model separate"}) {
     const ProgramResult help = RunSole(std::string(command) + " --help");
     EXPECT_EQ(help.status, 0) << command;
     EXPECT_THAT(help.output, HasSubstr("Example: sole " + std::string(command)));
