@@ -13,6 +13,8 @@
 namespace sole::io {
 namespace {
 
+constexpr std::size_t kMaxEntries = 1'000'000;  ///< of stack, marks and memo
+
 /// Pickle's stack machine over inert objects.
 class Machine {
  public:
@@ -63,7 +65,14 @@ class Machine {
     return line;
   }
 
-  void Push(PickleNode* node) { stack_.push_back(node); }
+  void Push(PickleNode* node) {
+    if (stack_.size() >= kMaxEntries) Fail("its stack grows beyond a million objects");
+    stack_.push_back(node);
+  }
+  void Remember(std::uint64_t key) {
+    if (memo_.size() >= kMaxEntries) Fail("it names more than a million objects");
+    memo_[key] = Top();
+  }
   std::size_t Floor() const { return marks_.empty() ? 0 : marks_.back(); }
   PickleNode* Top() const {
     if (stack_.size() <= Floor()) Fail("its stack is empty");
@@ -237,6 +246,7 @@ class Machine {
     constexpr auto kList = PickleKind::kList, kDict = PickleKind::kDict;
     switch (op) {
       case '(':
+        if (marks_.size() >= kMaxEntries) Fail("it has more than a million marks");
         marks_.push_back(stack_.size());
         return true;
       case ']':
@@ -294,16 +304,16 @@ class Machine {
   bool Memo(char op) {
     switch (op) {
       case 'p':
-        memo_[Key()] = Top();
+        Remember(Key());
         return true;
       case 'q':
-        memo_[Little<std::uint8_t>()] = Top();
+        Remember(Little<std::uint8_t>());
         return true;
       case 'r':
-        memo_[Little<std::uint32_t>()] = Top();
+        Remember(Little<std::uint32_t>());
         return true;
       case '\x94':
-        memo_[memo_.size()] = Top();
+        Remember(memo_.size());
         return true;
       case 'g':
         Get(Key());

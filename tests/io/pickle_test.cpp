@@ -178,6 +178,9 @@ TEST(Pickle, NestingAndRepetitionAreBounded) {
   std::string many = "(";
   for (int i = 0; i < 1100000; ++i) many += ']';
   EXPECT_THAT(ErrorOf(Dict(many + "t")), HasSubstr("million objects"));
+  EXPECT_THAT(ErrorOf(Dict("N" + std::string(1100000, '2'))), HasSubstr("million objects"));
+  EXPECT_THAT(ErrorOf(Dict("N" + std::string(1100000, '\x94'))), HasSubstr("million objects"));
+  EXPECT_THAT(ErrorOf(Dict(std::string(1100000, '('))), HasSubstr("million marks"));
 }
 
 TEST(Pickle, AnArrayNamedManyTimesStaysWithinTheBudget) {
