@@ -168,7 +168,6 @@ SubsetMatch MatchSubset(const PreparedImage& left, const PreparedImage& right, c
       return match;
     }
     match.zncc = comparison.zncc;
-    if (converged) break;
     const Vector6 step = -solver.solve(Eigen::Map<const Vector6>(comparison.gradient.data()));
     match.warp = Compose(match.warp, step);
     match.status = SubsetStatus::kDiverged;
@@ -178,7 +177,9 @@ SubsetMatch MatchSubset(const PreparedImage& left, const PreparedImage& right, c
     }
     const double moved = std::max(std::abs(step[0]) + r * (std::abs(step[1]) + std::abs(step[2])),
                                   std::abs(step[3]) + r * (std::abs(step[4]) + std::abs(step[5])));
+    // A last step this small changes correlation and residual by nothing that counts.
     converged = moved < options.convergence_px;
+    if (converged) break;
   }
   if (!converged) return match;
   match.status = SubsetStatus::kPoor;
