@@ -10,6 +10,7 @@
 #include "app/commands.h"
 #include "app/console.h"
 #include "app/evaluate.h"
+#include "app/export_colmap.h"
 #include "app/stages.h"
 #include "app/take_list.h"
 #include "calib/calibrate.h"
@@ -96,12 +97,13 @@ void AddProcessingCommands(CLI::App& app, CommonOptions& common, int& status) {
 
   CLI::App* export_command = AddCommand(app, common, status, "export", "Files for others",
                                         "sole export takes/S017 --to glb", [a] {
-                                          const auto path = RunExport(a->take, LoadModelPair(a->ModelPath()), a->format);
+                                          const auto path = a->format == "colmap" ? ExportColmap(a->take)
+                                                                                  : RunExport(a->take, LoadModelPair(a->ModelPath()), a->format);
                                           return json{{"path", path.string()}};
                                         });
   add_take(export_command);
   add_model(export_command);
-  export_command->add_option("--to", a->format, fmt::format("Format: {}", fmt::join(ExportFormats(), ", ")))->required();
+  export_command->add_option("--to", a->format, fmt::format("Format: {}, colmap (workspaces of the scans)", fmt::join(ExportFormats(), ", ")))->required();
 
   CLI::App* evaluate = AddCommand(app, common, status, "evaluate", "Scores a processed simulated take against its truth",
                                   "sole evaluate demo-out/take --json", [a] { return EvaluateTake(a->take, LoadModelPair(a->ModelPath()).right); });

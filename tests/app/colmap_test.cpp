@@ -1,16 +1,21 @@
 // COLMAP, run as a program, reads our models and fuses our depth maps.
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 
+#include "app/export_colmap.h"
+#include "io/calibration_file.h"
 #include "io/colmap_maps.h"
 #include "io/mesh_file.h"
 #include "recon/depth_map.h"
 #include "tests/recon/ellipsoid_cloud.h"
 #include "tests/recon/speckle_scene.h"
+#include "tests/support/error_matcher.h"
 #include "tests/support/temp_dir.h"
 
 namespace sole {
@@ -88,6 +93,29 @@ TEST_F(Colmap, FusesOurDepthAndNormalMaps) {
   std::printf("rms %.4f mm, %d normals off\n", 1000 * rms_m, flipped);
   EXPECT_LT(rms_m, 0.0001);
   EXPECT_LT(flipped, 0.01 * static_cast<double>(read.Size()));
+}
+
+TEST(ExportColmap, WritesAWorkspaceForEveryScanWithPoints) {
+  const testing_support::TempDir take;
+  const auto error = [&] { return testing_support::ErrorOf([&] { app::ExportColmap(take.Path()); }); };
+  EXPECT_THAT(error(), testing::HasSubstr("has no scans: run `sole reconstruct"));
+  Calibration calibration;
+  calibration.rig = testing_support::NominalRig(MakeDefaultRig(4, 812, 618));
+  io::WriteCalibration(take / "calibration.json", calibration);
+  fs::create_directory(take / "scans");
+  io::WritePly(take / "scans" / "000002.ply", PointCloud{});
+  EXPECT_THAT(error(), testing::HasSubstr("has points: nothing to export"));
+  io::WritePly(take / "scans" / "000003.ply", testing_support::EllipsoidCloud(kCentre, kRadii, 0.0015));
+  const fs::path out = app::ExportColmap(take.Path());
+  EXPECT_FALSE(fs::exists(out / "000002"));
+  const std::vector<io::ColmapView> views = io::ReadColmapModel(out / "000003" / "sparse");
+  ASSERT_EQ(views.size(), 4U);
+  for (const io::ColmapView& view : views) {
+    const ImageF depth =
+        io::ReadColmapDepthMap(out / "000003" / "stereo" / "depth_maps" / (view.image + ".geometric.bin"));
+    EXPECT_EQ(depth.width, view.camera.width);
+    EXPECT_GT(std::count_if(depth.pixels.begin(), depth.pixels.end(), [](float d) { return d > 0.3F && d < 1; }), 3000);
+  }
 }
 
 }  // namespace
