@@ -20,6 +20,8 @@ void AddCommands(CLI::App& app, CommonOptions& common, int& status);
 
 // One function per file commands_*.cpp.
 void AddSimCommands(CLI::App& app, CommonOptions& common, int& status);
+/// Below `sim`.
+void AddPeopleCommands(CLI::App& sim, CommonOptions& common, int& status);
 void AddCaptureCommands(CLI::App& app, CommonOptions& common, int& status);
 void AddProcessingCommands(CLI::App& app, CommonOptions& common, int& status);
 void AddMatchCommand(CLI::App& app, CommonOptions& common, int& status);

@@ -105,6 +105,8 @@ void AddSimCommands(CLI::App& app, CommonOptions& common, int& status) {
     status = Render(*a);
   });
 
+  AddPeopleCommands(*sim, common, status);
+
   auto d = std::make_shared<DemoOptions>();
   CLI::App* demo = app.add_subcommand("demo", "The whole chain on the embedded simulated rig");
   demo->footer("Example: sole demo --out demo-out --seed 7\nEnds with OUT/report.html and OUT/summary.json.");

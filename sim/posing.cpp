@@ -22,9 +22,7 @@ void BendToe(int toe, double angle, std::map<std::string, double>& angles) {
   if (toe > 1) angles["pip" + number + ".dorsiflexion"] = 0.5 * angle;
 }
 
-}  // namespace
-
-PosedFoot PoseFoot(const Subject& subject, const FootPose& pose) {
+PosedFoot Posed(const Subject& subject, const FootPose& pose, bool settled) {
   const SubjectShape& shape = *subject.shape;
   std::vector<Rigid3> motions = BoneMotions(shape.table, pose.angles_rad);
   const auto fixed = static_cast<std::size_t>(BoneIndex(shape.table, pose.fixed_bone));
@@ -33,7 +31,7 @@ PosedFoot PoseFoot(const Subject& subject, const FootPose& pose) {
 
   PosedFoot posed;
   posed.vertices_m = CarriedByBones(shape.rest, Binding().shares, motions);
-  SettleOnSkin(ImplicitFoot(MovedTable(shape.table, motions)), posed.vertices_m);
+  if (settled) SettleOnSkin(ImplicitFoot(MovedTable(shape.table, motions)), posed.vertices_m);
   const bool left = subject.side == Side::kLeft;
   for (Eigen::Vector3d& v : posed.vertices_m) v = pose.world_from_foot * (left ? Mirrored(v) : v);
   for (const Rigid3& motion : motions) {
@@ -41,6 +39,12 @@ PosedFoot PoseFoot(const Subject& subject, const FootPose& pose) {
   }
   return posed;
 }
+
+}  // namespace
+
+PosedFoot PoseFoot(const Subject& subject, const FootPose& pose) { return Posed(subject, pose, true); }
+
+PosedFoot CarryFoot(const Subject& subject, const FootPose& pose) { return Posed(subject, pose, false); }
 
 Rigid3 StandingPlacement(const Subject& subject) {
   double tip = 0;

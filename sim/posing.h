@@ -26,6 +26,9 @@ struct PosedFoot {
 /// range are limited to it. Throws Error for an unknown angle or bone name.
 PosedFoot PoseFoot(const Subject& subject, const FootPose& pose);
 
+/// As PoseFoot, but the skin is only carried along by the bones: some tenths of a millimetre off where joints bend little.
+PosedFoot CarryFoot(const Subject& subject, const FootPose& pose);
+
 /// Carries the foot frame into the world so that the foot's middle stands above the plate's centre, toes
 /// towards +y.
 Rigid3 StandingPlacement(const Subject& subject);

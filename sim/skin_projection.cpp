@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
 namespace sole::sim {
@@ -11,20 +10,28 @@ namespace {
 
 constexpr double kShortlistRadius = 0.004;
 
+/// A shortlist and where it is valid; neighbouring points share it.
+struct Vicinity {
+  ImplicitFoot::Shortlist shortlist;
+  Eigen::Vector3d centre = Eigen::Vector3d::Constant(1e3);
+
+  const ImplicitFoot::Shortlist& At(const ImplicitFoot& foot, const Eigen::Vector3d& point) {
+    if ((point - centre).squaredNorm() > kShortlistRadius * kShortlistRadius) {
+      centre = point;
+      foot.MakeShortlist(centre, kShortlistRadius, shortlist);
+    }
+    return shortlist;
+  }
+};
+
 Eigen::Vector3d Project(const ImplicitFoot& foot, const Eigen::Vector3d& start, SkinKind kind, int chart,
-                        ImplicitFoot::Shortlist& shortlist) {
+                        Vicinity& vicinity) {
   const Eigen::Vector3d& normal = foot.Table().cut_normal;
   Eigen::Vector3d point = start;
   if (kind != SkinKind::kSkin) point -= normal * normal.dot(point - foot.Table().cut_point);
   if (kind == SkinKind::kCap) return point;
-  Eigen::Vector3d centre = point;
-  foot.MakeShortlist(centre, kShortlistRadius, shortlist);
   for (int i = 0; i < 12; ++i) {
-    if ((point - centre).norm() > kShortlistRadius) {
-      centre = point;
-      foot.MakeShortlist(centre, kShortlistRadius, shortlist);
-    }
-    const ImplicitFoot::Sample sample = foot.Evaluate(point, chart, shortlist);
+    const ImplicitFoot::Sample sample = foot.Evaluate(point, chart, vicinity.At(foot, point));
     if (std::abs(sample.value) < 2e-7) break;
     Eigen::Vector3d direction = sample.gradient;
     if (kind == SkinKind::kRim) direction -= normal * normal.dot(direction);
@@ -40,16 +47,17 @@ Eigen::Vector3d Project(const ImplicitFoot& foot, const Eigen::Vector3d& start, 
 }  // namespace
 
 Eigen::Vector3d ProjectToSkin(const ImplicitFoot& foot, const Eigen::Vector3d& point, SkinKind kind, int chart) {
-  ImplicitFoot::Shortlist shortlist;
-  return Project(foot, point, kind, chart, shortlist);
+  Vicinity vicinity;
+  return Project(foot, point, kind, chart, vicinity);
 }
 
 void ProjectAllToSkin(const ImplicitFoot& foot, std::span<const SkinKind> kinds, std::span<const std::uint8_t> charts,
                       std::span<Eigen::Vector3d> points) {
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, points.size(), 512), [&](const auto& range) {
-    ImplicitFoot::Shortlist shortlist;
-    for (std::size_t i = range.begin(); i < range.end(); ++i) {
-      points[i] = Project(foot, points[i], kinds[i], charts[i], shortlist);
+  constexpr std::size_t kChunk = 512;  // fixed, so that the result does not depend on the number of threads
+  tbb::parallel_for(std::size_t{0}, (points.size() + kChunk - 1) / kChunk, [&](std::size_t chunk) {
+    Vicinity vicinity;
+    for (std::size_t i = chunk * kChunk; i < std::min(points.size(), (chunk + 1) * kChunk); ++i) {
+      points[i] = Project(foot, points[i], kinds[i], charts[i], vicinity);
     }
   });
 }

@@ -33,10 +33,10 @@ Column ColumnAt(const Vector3d& reference, int chart, double heel_pad_m) {
     const double t = std::clamp((x - from) / (to - from), 0.0, 1.0);
     return t * t * (3 - 2 * t);
   };
-  if (chart > 0) return {0.008, 90e3};
+  if (chart > 0) return {0.008, 160e3};
   const double arch = step(reference.y(), 0.065, 0.09), ball = step(reference.y(), 0.14, 0.165);
   return {heel_pad_m + (0.014 - heel_pad_m) * arch + (0.0115 - 0.014) * ball,
-          260e3 + (100e3 - 260e3) * arch + (180e3 - 100e3) * ball};
+          850e3 + (110e3 - 850e3) * arch + (290e3 - 110e3) * ball};
 }
 
 /// Stiffens with depth and grows without bound as the column is used up.
@@ -298,7 +298,7 @@ void LowerArch(double share, FootPose& pose) {
 }
 
 void ReachForGround(const Subject& subject, const ContactOptions& options, double sink_m, FootPose& pose) {
-  const Sole sole(subject, PoseFoot(subject, pose).vertices_m, false);
+  const Sole sole(subject, CarryFoot(subject, pose).vertices_m, false);
   const Solution ground = SolveBalance(sole, options);
   LowerToes(subject, (ground.motion * pose.world_from_foot).Inverse(), sink_m, pose);
 }

@@ -33,7 +33,7 @@ constexpr SolvedHandle kSolved[] = {{&ShapeHandles::scale, "footlength", -0.25, 
                                     {&ShapeHandles::foot_breadth, "footbreadthhorizontal", -0.25, 0.3},
                                     {&ShapeHandles::ball_height, "balloffootcircumference", -0.3, 0.35},
                                     {&ShapeHandles::heel_breadth, "heelbreadth", -0.25, 0.35},
-                                    {&ShapeHandles::ankle_front_mm, "heelanklecircumference", -12, 14},
+                                    {&ShapeHandles::ankle_front_mm, "heelanklecircumference", -14, 18},
                                     {&ShapeHandles::malleoli_breadth, "bimalleolarbreadth", -0.25, 0.25},
                                     {&ShapeHandles::ankle_height, "lateralmalleolusheight", -0.35, 0.25},
                                     {&ShapeHandles::shank_girth, "anklecircumference", -0.3, 0.35}};
@@ -46,12 +46,17 @@ Eigen::VectorXd SolvedMeasures(std::span<const Eigen::Vector3d> vertices) {
   return values;
 }
 
+/// Measures of the mean foot where the handles carry it, before it is settled on the skin.
+Eigen::VectorXd CarriedMeasures(const ShapeHandles& handles) {
+  return SolvedMeasures(ShapedPoints(MeanAdultTable(), handles, Binding().shares, ReferenceFoot().vertices));
+}
+
 /// Derivative of the measures by the handles at the mean foot, on carried vertices.
 Eigen::MatrixXd MeasureJacobian() {
   const auto measure = [](Eigen::Index handle, double value) {
     ShapeHandles handles;
     handles.*kSolved[handle].handle = value;
-    return SolvedMeasures(ShapedPoints(MeanAdultTable(), handles, Binding().shares, ReferenceFoot().vertices));
+    return CarriedMeasures(handles);
   };
   Eigen::MatrixXd jacobian(kNumSolved, kNumSolved);
   for (Eigen::Index i = 0; i < kNumSolved; ++i) {
@@ -61,35 +66,71 @@ Eigen::MatrixXd MeasureJacobian() {
   return jacobian;
 }
 
-/// What standing at half the body weight, as the survey's people did, adds to the unloaded measures (mean foot).
+/// Measures standing at half the body weight, as the survey's people did.
+Eigen::VectorXd StandingMeasures(const Subject& subject) {
+  Subject right = subject;
+  right.side = Side::kRight;
+  return SolvedMeasures(StandOnPlate(right, 0.5 * 9.81 * right.weight_kg).foot.vertices_m);
+}
+
+/// What settling on the skin and standing add to the carried measures of the mean foot.
 const Eigen::VectorXd& StandingChange() {
-  static const Eigen::VectorXd change = [] {
-    const Subject mean = MeanSubject();
-    const LoadedFoot stood = StandOnPlate(mean, 0.5 * 9.81 * mean.weight_kg);
-    return Eigen::VectorXd(SolvedMeasures(stood.foot.vertices_m) - SolvedMeasures(ReferenceFoot().vertices));
-  }();
+  static const Eigen::VectorXd change = StandingMeasures(MeanSubject()) - CarriedMeasures({});
   return change;
 }
 
-/// Newton's method with the mean foot's derivatives; the given handles are kept, the solved ones change.
-SubjectShape SolveShape(ShapeHandles handles, const Eigen::VectorXd& standing_mm) {
-  static const Eigen::MatrixXd jacobian = MeasureJacobian();
-  const Eigen::VectorXd target_mm = standing_mm - StandingChange();
-  handles.scale = target_mm[0] / SolvedMeasures(ReferenceFoot().vertices)[0] - 1;
-  SubjectShape shape = MakeShape(handles);
-  for (int i = 0; i < 5; ++i) {
-    const double size = 1 + shape.handles.scale;
-    const Eigen::VectorXd missing = target_mm - SolvedMeasures(shape.rest);
-    if (missing.cwiseAbs().maxCoeff() < 0.2) break;
-    Eigen::VectorXd change = jacobian.partialPivLu().solve(missing / size);
-    change[0] *= size;
-    for (Eigen::Index k = 0; k < kNumSolved; ++k) {
-      double& value = handles.*kSolved[k].handle;
-      value = std::clamp(value + change[k], kSolved[k].low, kSolved[k].high);
-    }
-    shape = MakeShape(handles);
+/// A step of Newton's method with the mean foot's derivatives towards what is missing, within the handles' ranges.
+ShapeHandles Stepped(const ShapeHandles& handles, const Eigen::VectorXd& missing_mm) {
+  static const Eigen::PartialPivLU<Eigen::MatrixXd> jacobian(MeasureJacobian());
+  const double size = 1 + handles.scale;
+  Eigen::VectorXd change = jacobian.solve(missing_mm / size);
+  change[0] *= size;
+  ShapeHandles next = handles;
+  for (Eigen::Index k = 0; k < kNumSolved; ++k) {
+    double& value = next.*kSolved[k].handle;
+    value = std::clamp(value + change[k], kSolved[k].low, kSolved[k].high);
   }
-  return shape;
+  return next;
+}
+
+/// Solves the handles for measures on carried vertices, which costs little; the handles that are not solved stay.
+void SolveCarried(const Eigen::VectorXd& carried_mm, ShapeHandles& handles) {
+  Eigen::VectorXd missing = carried_mm - CarriedMeasures(handles);
+  double share = 1;
+  for (int i = 0; i < 12 && share > 0.05 && missing.cwiseAbs().maxCoeff() > 0.1; ++i) {
+    const ShapeHandles next = Stepped(handles, share * missing);
+    const Eigen::VectorXd next_missing = carried_mm - CarriedMeasures(next);
+    const bool better = next_missing.norm() < missing.norm();
+    share = better ? std::min(1.0, 2 * share) : 0.5 * share;
+    if (!better) continue;
+    handles = next;
+    missing = next_missing;
+  }
+}
+
+/// Solves the subject's shape for what it shall measure standing: first on carried vertices, then on the standing foot.
+void SolveShape(ShapeHandles handles, const Eigen::VectorXd& standing_mm, Subject& subject) {
+  constexpr int kPasses = 5;
+  constexpr double kClose = 0.8;  // mm
+  handles.scale = standing_mm[0] / CarriedMeasures({})[0] - 1;
+  SolveCarried(standing_mm - StandingChange(), handles);
+  Eigen::VectorXd missing;
+  std::shared_ptr<const SubjectShape> best;
+  double share = 1;
+  for (int pass = 0; pass < kPasses; ++pass) {
+    const ShapeHandles next = pass == 0 ? handles : Stepped(handles, share * missing);
+    subject.shape = std::make_shared<const SubjectShape>(MakeShape(next));
+    const Eigen::VectorXd next_missing = standing_mm - StandingMeasures(subject);
+    if (pass > 0 && next_missing.norm() >= missing.norm()) {
+      share *= 0.4;
+      continue;
+    }
+    handles = next;
+    missing = next_missing;
+    best = subject.shape;
+    if (missing.cwiseAbs().maxCoeff() < kClose) break;
+  }
+  subject.shape = best;
 }
 
 double Clipped(std::normal_distribution<double> normal, double low, double high, std::mt19937_64& random) {
@@ -145,7 +186,7 @@ Subject DrawSubject(std::uint64_t seed, std::optional<Side> side) {
     else if (survey.columns[i] == "weightkg") subject.weight_kg = value;
     else subject.measures_mm[survey.columns[i]] = value;
   }
-  subject.shape = std::make_shared<const SubjectShape>(SolveShape(handles, person.head(kNumSolved)));
+  SolveShape(handles, person.head(kNumSolved), subject);
   return subject;
 }
 
