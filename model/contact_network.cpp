@@ -2,14 +2,17 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <utility>
+#include <vector>
 
+#include "model/kernels_internal.h"
 #include "model/pose_features.h"
 
 namespace sole::model {
 namespace {
 
 /// Rows of stacked coarse quantities (3N x M) on the variant's vertices.
-Eigen::MatrixXd Upsample(const FootModel& model, Variant variant, const Eigen::MatrixXd& coarse) {
+Eigen::MatrixXd Upsample(const FootModel& model, Variant variant, Eigen::MatrixXd coarse) {
   if (variant == Variant::kCoarse) return coarse;
   Eigen::MatrixXd fine = Eigen::MatrixXd::Zero(3 * model.fine.NumVertices(), coarse.cols());
   for (std::size_t i = 0; i < model.upsampling.size(); ++i) {
@@ -19,6 +22,28 @@ Eigen::MatrixXd Upsample(const FootModel& model, Variant variant, const Eigen::M
     }
   }
   return fine;
+}
+
+/// sum += a b.
+void Add(const Eigen::Ref<const Eigen::MatrixXd>& a, const Eigen::Ref<const Eigen::MatrixXd>& b,
+         Eigen::Ref<Eigen::MatrixXd> sum) {
+  AddProduct<double>({a.rows(), b.cols(), a.cols(), a.data(), a.outerStride(), b.data(),
+                      b.outerStride(), sum.data(), sum.outerStride()});
+}
+
+Eigen::MatrixXd Product(const Eigen::Ref<const Eigen::MatrixXd>& a,
+                        const Eigen::Ref<const Eigen::MatrixXd>& b) {
+  Eigen::MatrixXd product = Eigen::MatrixXd::Zero(a.rows(), b.cols());
+  Add(a, b, product);
+  return product;
+}
+
+/// Leaky ReLU in place; its slopes at the given values.
+Eigen::VectorXd Activate(Eigen::VectorXd& values) {
+  const Eigen::VectorXd slopes =
+      (values.array() < 0).select(Eigen::VectorXd::Constant(values.size(), kNetworkSlope), 1.0);
+  values.array() *= slopes.array();
+  return slopes;
 }
 
 }  // namespace
@@ -41,27 +66,44 @@ Eigen::VectorXd EvaluateNetwork(std::span<const NetworkLayer> layers,
                                 const Eigen::VectorXd& input) {
   Eigen::VectorXd value = input;
   for (std::size_t l = 0; l < layers.size(); ++l) {
-    value = layers[l].weight * value + layers[l].bias;
-    if (l + 1 < layers.size()) value = value.cwiseMax(kNetworkSlope * value);
+    Eigen::VectorXd next = layers[l].bias;
+    Add(layers[l].weight, value, next);
+    if (l + 1 < layers.size()) next = next.cwiseMax(kNetworkSlope * next);
+    value.swap(next);
   }
   return value;
 }
 
-Eigen::MatrixXd NetworkDerivative(std::span<const NetworkLayer> layers,
-                                  const Eigen::VectorXd& input, const Eigen::MatrixXd& directions) {
-  Eigen::VectorXd value = input;
-  Eigen::MatrixXd derivative = directions;
-  for (std::size_t l = 0; l < layers.size(); ++l) {
-    value = layers[l].weight * value + layers[l].bias;
-    derivative = layers[l].weight * derivative;
-    if (l + 1 == layers.size()) break;
-    for (Eigen::Index i = 0; i < value.size(); ++i) {
-      if (value[i] >= 0) continue;
-      value[i] *= kNetworkSlope;
-      derivative.row(i) *= kNetworkSlope;
-    }
+NetworkFactors DifferentiateNetwork(std::span<const NetworkLayer> layers,
+                                    const Eigen::VectorXd& input, Eigen::Index first_input,
+                                    Eigen::Index num_inputs) {
+  const std::size_t last = layers.size() - 1;
+  if (last == 0) {
+    return {layers[0].weight.middleCols(first_input, num_inputs),
+            Eigen::MatrixXd::Identity(num_inputs, num_inputs)};
   }
-  return derivative;
+  std::vector<Eigen::VectorXd> slopes;
+  Eigen::VectorXd value = input;
+  std::size_t narrowest = 0;
+  for (std::size_t l = 0; l < last; ++l) {
+    Eigen::VectorXd next = layers[l].bias;
+    Add(layers[l].weight, value, next);
+    slopes.push_back(Activate(next));
+    value.swap(next);
+    if (value.size() < layers[narrowest].bias.size()) narrowest = l;
+  }
+  NetworkFactors factors;
+  factors.outer = layers[narrowest + 1].weight;
+  for (std::size_t l = narrowest + 2; l <= last; ++l)
+    factors.outer = Product(layers[l].weight, slopes[l - 1].asDiagonal() * factors.outer);
+  factors.inner = slopes[narrowest].asDiagonal() * layers[narrowest].weight;
+  for (std::size_t l = narrowest; l-- > 0;) {
+    const Eigen::MatrixXd scaled = factors.inner * slopes[l].asDiagonal();
+    factors.inner = l > 0 ? Product(scaled, layers[l].weight)
+                          : Product(scaled, layers[0].weight.middleCols(first_input, num_inputs));
+  }
+  if (narrowest == 0) factors.inner = factors.inner.middleCols(first_input, num_inputs).eval();
+  return factors;
 }
 
 Eigen::VectorXd ContactOffsets(const FootModel& model, Variant variant,
@@ -72,17 +114,31 @@ Eigen::VectorXd ContactOffsets(const FootModel& model, Variant variant,
   return Upsample(model, variant, EvaluateNetwork(model.network, input));
 }
 
-Eigen::MatrixXd ContactOffsetsJacobian(const FootModel& model, Variant variant,
-                                       const Eigen::MatrixX3d& theta, const Eigen::VectorXd& beta,
-                                       const Eigen::VectorXd& contact) {
+NetworkFactors ContactOffsetsByPose(const FootModel& model, Variant variant,
+                                    const Eigen::MatrixX3d& theta, const Eigen::VectorXd& beta,
+                                    const Eigen::VectorXd& contact) {
   if (model.network.empty()) return {};
   const Eigen::Index joints = theta.rows(), betas = std::min(kNetworkBetas, beta.size());
   const Eigen::VectorXd input = NetworkInput(theta, beta, contact, model.NumVertices());
-  Eigen::MatrixXd directions = Eigen::MatrixXd::Zero(input.size(), 3 * joints + betas);
-  for (Eigen::Index j = 0; j < joints; ++j)
-    directions.block<4, 3>(4 * j, 3 * j) = QuaternionFeatureJacobian(theta.row(j));
-  for (Eigen::Index b = 0; b < betas; ++b) directions(4 * joints + b, 3 * joints + b) = 1;
-  return Upsample(model, variant, NetworkDerivative(model.network, input, directions));
+  NetworkFactors factors =
+      DifferentiateNetwork(model.network, input, 0, 4 * joints + kNetworkBetas);
+  Eigen::MatrixXd inner(factors.inner.rows(), 3 * joints + betas);
+  for (Eigen::Index j = 0; j < joints; ++j) {
+    inner.middleCols<3>(3 * j).noalias() =
+        factors.inner.middleCols<4>(4 * j) * QuaternionFeatureJacobian(theta.row(j));
+  }
+  inner.rightCols(betas) = factors.inner.middleCols(4 * joints, betas);
+  return {Upsample(model, variant, std::move(factors.outer)), std::move(inner)};
+}
+
+NetworkFactors ContactOffsetsByContact(const FootModel& model, Variant variant,
+                                       const Eigen::MatrixX3d& theta, const Eigen::VectorXd& beta,
+                                       const Eigen::VectorXd& contact) {
+  if (model.network.empty()) return {};
+  const Eigen::VectorXd input = NetworkInput(theta, beta, contact, model.NumVertices());
+  NetworkFactors factors = DifferentiateNetwork(
+      model.network, input, 4 * theta.rows() + kNetworkBetas, model.NumVertices());
+  return {Upsample(model, variant, std::move(factors.outer)), std::move(factors.inner)};
 }
 
 }  // namespace sole::model

@@ -21,9 +21,15 @@ Eigen::VectorXd NetworkInput(const Eigen::MatrixX3d& theta, const Eigen::VectorX
 /// Network value (3N, metres): leaky ReLU after every layer but the last, which is linear.
 Eigen::VectorXd EvaluateNetwork(std::span<const NetworkLayer> layers, const Eigen::VectorXd& input);
 
-/// Derivative of the value along the columns of `directions` (inputs x M): 3N x M.
-Eigen::MatrixXd NetworkDerivative(std::span<const NetworkLayer> layers,
-                                  const Eigen::VectorXd& input, const Eigen::MatrixXd& directions);
+/// Derivative of the value in some of the inputs as a product, split at the narrowest layer: few
+/// multiplications, since the network's width there is small.
+struct NetworkFactors {
+  Eigen::MatrixXd outer;  ///< 3N x width of the narrowest layer
+  Eigen::MatrixXd inner;  ///< that width x inputs asked for
+};
+NetworkFactors DifferentiateNetwork(std::span<const NetworkLayer> layers,
+                                    const Eigen::VectorXd& input, Eigen::Index first_input,
+                                    Eigen::Index num_inputs);
 
 /// Contact-conditioned offsets B_C of a variant, stacked (3N or 3 N_fine); the fine ones through
 /// `upsampling`. Empty where the model has no network.
@@ -31,8 +37,13 @@ Eigen::VectorXd ContactOffsets(const FootModel& model, Variant variant,
                                const Eigen::MatrixX3d& theta, const Eigen::VectorXd& beta,
                                const Eigen::VectorXd& contact);
 
-/// Their derivative, columns theta (3K) then the first min(B, 2) shape coefficients.
-Eigen::MatrixXd ContactOffsetsJacobian(const FootModel& model, Variant variant,
+/// Their derivative; no columns where the model has no network. `outer` has the variant's rows.
+/// In the pose: columns theta (3K), then the first min(B, 2) shape coefficients.
+NetworkFactors ContactOffsetsByPose(const FootModel& model, Variant variant,
+                                    const Eigen::MatrixX3d& theta, const Eigen::VectorXd& beta,
+                                    const Eigen::VectorXd& contact);
+/// In the N contact values.
+NetworkFactors ContactOffsetsByContact(const FootModel& model, Variant variant,
                                        const Eigen::MatrixX3d& theta, const Eigen::VectorXd& beta,
                                        const Eigen::VectorXd& contact);
 

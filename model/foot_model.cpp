@@ -154,15 +154,16 @@ DerivedModelData::Influences InfluencesFrom(const Eigen::MatrixXd& weights) {
   return influences;
 }
 
-std::vector<bool> CorrectedJoints(const ModelSurface& surface, Family family, Eigen::Index joints) {
-  std::vector<bool> corrected(static_cast<std::size_t>(surface.NumVertices() * joints), false);
+std::vector<unsigned char> CorrectedJoints(const ModelSurface& surface, Family family,
+                                           Eigen::Index joints) {
+  std::vector<unsigned char> corrected(static_cast<std::size_t>(surface.NumVertices() * joints), 0);
   if (surface.posedirs.cols() == 0) return corrected;
   const Eigen::Index size = family == Family::kSmpl ? 9 : 4,
                      first = family == Family::kSupr ? 0 : 1;
   for (Eigen::Index i = 0; i < surface.NumVertices(); ++i) {
     for (Eigen::Index j = first; j < joints; ++j) {
       corrected[static_cast<std::size_t>(i * joints + j)] =
-          (surface.posedirs.block(3 * i, size * (j - first), 3, size).array() != 0).any();
+          (surface.posedirs.block(3 * i, size * (j - first), 3, size).array() != 0).any() ? 1 : 0;
     }
   }
   return corrected;

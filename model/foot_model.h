@@ -66,7 +66,7 @@ struct DerivedModelData {
   };
   Influences coarse, fine;
   /// Whether joint j's pose features correct vertex i (element i K + j).
-  std::vector<bool> coarse_corrected, fine_corrected;
+  std::vector<unsigned char> coarse_corrected, fine_corrected;
 };
 
 /// Articulated model of one foot (SUPR / STAR / SMPL family); plain data. The coarse surface

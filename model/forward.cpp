@@ -7,6 +7,7 @@
 #include "core/error.h"
 #include "model/constraints.h"
 #include "model/contact_network.h"
+#include "model/kernels_internal.h"
 #include "model/skeleton.h"
 
 namespace sole::model {
@@ -32,19 +33,28 @@ void CheckParameters(const FootModel& model, const ModelParameters& parameters) 
                       parameters.contact.size(), model.NumVertices()));
 }
 
-Eigen::MatrixX3d RestVertices(const FootModel& model, const ModelParameters& parameters,
-                              Variant variant) {
+Eigen::Matrix3Xd StackedRestVertices(const FootModel& model, const ModelParameters& parameters,
+                                     Variant variant) {
   CheckParameters(model, parameters);
   const ModelSurface& surface = SurfaceOf(model, variant);
   Eigen::Matrix3Xd positions = surface.template_m.transpose();
-  Eigen::Map<Eigen::VectorXd> stacked(positions.data(), positions.size());
-  stacked += surface.shapedirs.leftCols(parameters.beta.size()) * parameters.beta;
+  const auto add = [&positions](const Eigen::MatrixXd& directions, const Eigen::VectorXd& values) {
+    AddProduct<double>({directions.rows(), 1, values.size(), directions.data(), directions.rows(),
+                        values.data(), values.size(), positions.data(), directions.rows()});
+  };
+  add(surface.shapedirs, parameters.beta);
   if (surface.posedirs.cols() > 0)
-    stacked += surface.posedirs * ConstrainedPoseFeatures(model, parameters.theta, parameters.beta);
-  const Eigen::VectorXd offsets =
-      ContactOffsets(model, variant, parameters.theta, parameters.beta, parameters.contact);
-  if (offsets.size() > 0) stacked += offsets;
-  return positions.transpose();
+    add(surface.posedirs, ConstrainedPoseFeatures(model, parameters.theta, parameters.beta));
+  const Eigen::VectorXd offsets = ContactOffsets(model, variant, parameters.theta, parameters.beta,
+                                                 parameters.contact);
+  if (offsets.size() > 0)
+    Eigen::Map<Eigen::VectorXd>(positions.data(), positions.size()) += offsets;
+  return positions;
+}
+
+Eigen::MatrixX3d RestVertices(const FootModel& model, const ModelParameters& parameters,
+                              Variant variant) {
+  return StackedRestVertices(model, parameters, variant).transpose();
 }
 
 Eigen::MatrixX3d RestJoints(const FootModel& model, const Eigen::VectorXd& beta) {
@@ -52,24 +62,16 @@ Eigen::MatrixX3d RestJoints(const FootModel& model, const Eigen::VectorXd& beta)
 }
 
 PosedFoot Forward(const FootModel& model, const ModelParameters& parameters, Variant variant) {
-  const Eigen::MatrixX3d rest = RestVertices(model, parameters, variant);
+  Eigen::Matrix3Xd positions = StackedRestVertices(model, parameters, variant);
   const Skeleton skeleton = PoseSkeleton(model, parameters.theta, parameters.beta);
+  const Eigen::MatrixXd transforms = BoneTransforms(skeleton);
   const DerivedModelData::Influences& influences = InfluencesOf(model, variant);
+  Skin<double>({positions.cols(), influences.start.data(), influences.joint.data(),
+                influences.weight.data(), transforms.data(), parameters.translation_m.data(),
+                positions.data(), positions.data()});
   PosedFoot posed;
   posed.joints_m = skeleton.joints.transpose().rowwise() + parameters.translation_m.transpose();
-  posed.vertices_m.resize(rest.rows(), 3);
-  for (Eigen::Index i = 0; i < rest.rows(); ++i) {
-    const Eigen::Vector3d point = rest.row(i);
-    Eigen::Vector3d sum = parameters.translation_m;
-    const auto at = static_cast<std::size_t>(i);
-    for (auto e = static_cast<std::size_t>(influences.start[at]);
-         e < static_cast<std::size_t>(influences.start[at + 1]); ++e) {
-      const int joint = influences.joint[e];
-      sum += influences.weight[e] * (skeleton.rotations[static_cast<std::size_t>(joint)] * point +
-                                     skeleton.offsets.col(joint));
-    }
-    posed.vertices_m.row(i) = sum;
-  }
+  posed.vertices_m = positions.transpose();
   return posed;
 }
 

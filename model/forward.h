@@ -33,6 +33,10 @@ PosedFoot Forward(const FootModel& model, const ModelParameters& parameters,
 Eigen::MatrixX3d RestVertices(const FootModel& model, const ModelParameters& parameters,
                               Variant variant = Variant::kCoarse);
 
+/// The same with one column a vertex, 3 x N.
+Eigen::Matrix3Xd StackedRestVertices(const FootModel& model, const ModelParameters& parameters,
+                                     Variant variant);
+
 /// Joints of the shaped, unposed template, K x 3.
 Eigen::MatrixX3d RestJoints(const FootModel& model, const Eigen::VectorXd& beta);
 

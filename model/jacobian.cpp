@@ -11,6 +11,7 @@
 #include "core/error.h"
 #include "model/constraints.h"
 #include "model/contact_network.h"
+#include "model/kernels_internal.h"
 #include "model/skeleton.h"
 
 namespace sole::model {
@@ -60,97 +61,121 @@ Eigen::Matrix3d TurnColumns(const Eigen::Matrix3d& axes, const Eigen::Vector3d& 
 class VertexDifferentiator {
  public:
   VertexDifferentiator(const FootModel& model, const ModelParameters& parameters, Variant variant)
-      : model_(model),
-        parameters_(parameters),
-        surface_(SurfaceOf(model, variant)),
-        influences_(InfluencesOf(model, variant)),
-        corrected_(variant == Variant::kCoarse ? model.derived.coarse_corrected
-                                               : model.derived.fine_corrected),
-        columns_(ColumnsOf(model, parameters)),
-        pose_(DifferentiatePose(model, parameters)),
-        rest_(RestVertices(model, parameters, variant)),
-        network_(ContactOffsetsJacobian(model, variant, parameters.theta, parameters.beta,
-                                        parameters.contact)),
-        moments_(model.parents.size()),
-        masses_(model.parents.size()) {}
-
-  /// Position of vertex i; its derivative goes to rows `row` .. `row` + 2 of `jacobian`, zero on
-  /// entry.
-  Eigen::Vector3d Write(Eigen::Index i, Eigen::Index row, RowMatrix& jacobian) {
-    const Eigen::Vector3d point = rest_.row(i);
-    std::fill(moments_.begin(), moments_.end(), Eigen::Vector3d::Zero());
-    std::fill(masses_.begin(), masses_.end(), 0.0);
-    Eigen::Matrix3d blended = Eigen::Matrix3d::Zero();
-    const Eigen::Index betas = parameters_.beta.size();
-    auto by_beta = jacobian.block(row, columns_.beta, 3, betas);
-    const auto at = static_cast<std::size_t>(i);
-    for (auto e = static_cast<std::size_t>(influences_.start[at]);
-         e < static_cast<std::size_t>(influences_.start[at + 1]); ++e) {
-      const auto joint = static_cast<std::size_t>(influences_.joint[e]);
-      const double weight = influences_.weight[e];
-      moments_[joint] = weight * (pose_.skeleton.rotations[joint] * point +
-                                  pose_.skeleton.offsets.col(influences_.joint[e]));
-      masses_[joint] = weight;
-      blended += weight * pose_.skeleton.rotations[joint];
-      by_beta += weight * pose_.offset_by_beta[joint];
+      : translation_m_(parameters.translation_m),
+        rest_(StackedRestVertices(model, parameters, variant)),
+        network_(ContactOffsetsByPose(model, variant, parameters.theta, parameters.beta,
+                                      parameters.contact)) {
+    const PoseDerivative pose = DifferentiatePose(model, parameters);
+    const ModelSurface& surface = SurfaceOf(model, variant);
+    const DerivedModelData::Influences& influences = InfluencesOf(model, variant);
+    transforms_ = BoneTransforms(pose.skeleton);
+    StoreJoints(pose, model.NumJoints(), parameters.beta.size());
+    terms_.joints = model.NumJoints();
+    terms_.betas = parameters.beta.size();
+    terms_.parents = model.parents.data();
+    terms_.start = influences.start.data();
+    terms_.joint = influences.joint.data();
+    terms_.weight = influences.weight.data();
+    terms_.rows = 3 * surface.NumVertices();
+    terms_.shapedirs = surface.shapedirs.data();
+    if (surface.posedirs.cols() > 0) {
+      terms_.posedirs = surface.posedirs.data();
+      terms_.corrected = (variant == Variant::kCoarse ? model.derived.coarse_corrected
+                                                      : model.derived.fine_corrected)
+                             .data();
     }
-    by_beta.noalias() += blended * surface_.shapedirs.block(3 * i, 0, 3, betas);
-    jacobian.block<3, 3>(row, columns_.translation).setIdentity();
-    AccumulateTurns(row, jacobian);
-    AddOffsets(i, row, blended, jacobian);
-    return moments_[0] + parameters_.translation_m;
+    terms_.first_feature_joint = model.family == Family::kSupr ? 0 : 1;
+    const bool by_beta = model.family == Family::kStar && surface.posedirs.cols() > 0;
+    terms_.beta_feature = by_beta ? surface.posedirs.cols() - 1 : -1;
+    Connect();
+  }
+  VertexDifferentiator(const VertexDifferentiator&) = delete;
+  VertexDifferentiator& operator=(const VertexDifferentiator&) = delete;
+
+  /// Position of vertex i; its derivative goes to rows `row` .. `row` + 2 of `jacobian`.
+  Eigen::Vector3d Write(Eigen::Index i, Eigen::Index row, RowMatrix& jacobian) {
+    Eigen::Vector3d position;
+    DifferentiateVertex(terms_, i, jacobian.row(row).data(), position.data());
+    return position;
   }
 
  private:
-  /// Carries each bone's share to its ancestors: a joint turns all that hangs below it.
-  void AccumulateTurns(Eigen::Index row, RowMatrix& jacobian) {
-    for (std::size_t j = masses_.size(); j-- > 0;) {
-      if (masses_[j] == 0) continue;
-      const auto column = static_cast<Eigen::Index>(j);
-      const Eigen::Vector3d arm = moments_[j] - masses_[j] * pose_.skeleton.joints.col(column);
-      jacobian.block<3, 3>(row, columns_.theta + 3 * column) = TurnColumns(pose_.turn_axes[j], arm);
-      if (model_.parents[j] < 0) continue;
-      const auto parent = static_cast<std::size_t>(model_.parents[j]);
-      moments_[parent] += moments_[j];
-      masses_[parent] += masses_[j];
+  void StoreJoints(const PoseDerivative& pose, Eigen::Index joints, Eigen::Index betas) {
+    centres_.resize(4, joints);
+    centres_ << pose.skeleton.joints, Eigen::RowVectorXd::Ones(joints);
+    turns_.setZero(36, joints);
+    offset_by_beta_.setZero(4, joints * betas);
+    terms_.joint_features = std::max<Eigen::Index>(4, pose.features.back().jacobian.rows());
+    feature_derivative_.setZero(3 * terms_.joint_features, joints);
+    for (Eigen::Index j = 0; j < joints; ++j) {
+      const auto at = static_cast<std::size_t>(j);
+      for (int arm = 0; arm < 3; ++arm) {
+        const Eigen::Matrix3d columns =
+            TurnColumns(pose.turn_axes[at], Eigen::Vector3d::Unit(arm));
+        for (int c = 0; c < 3; ++c) turns_.col(j).segment<3>(12 * c + 4 * arm) = columns.col(c);
+      }
+      offset_by_beta_.block(0, j * betas, 3, betas) = pose.offset_by_beta[at];
+      const auto& features = pose.features[at].jacobian;
+      feature_derivative_.col(j).head(features.size()) =
+          Eigen::Map<const Eigen::VectorXd>(features.data(), features.size());
     }
   }
 
-  /// Pose correctives and network, turned by the vertex's blended rotation.
-  void AddOffsets(Eigen::Index i, Eigen::Index row, const Eigen::Matrix3d& blended,
-                  RowMatrix& jacobian) {
-    if (surface_.posedirs.cols() > 0) {
-      for (std::size_t j = 0; j < masses_.size(); ++j) {
-        const FeatureBlock& block = pose_.features[j];
-        if (!corrected_[static_cast<std::size_t>(i) * masses_.size() + j]) continue;
-        const auto directions =
-            surface_.posedirs.block(3 * i, block.first, 3, block.jacobian.rows());
-        jacobian.block<3, 3>(row, columns_.theta + 3 * static_cast<Eigen::Index>(j)) +=
-            blended * (directions * block.jacobian);
-      }
-      if (model_.family == Family::kStar && parameters_.beta.size() > 1) {
-        jacobian.block<3, 1>(row, columns_.beta + 1) +=
-            blended * surface_.posedirs.block<3, 1>(3 * i, surface_.posedirs.cols() - 1);
-      }
-    }
-    if (network_.cols() == 0) return;
-    // Columns theta then beta, adjacent in both layouts.
-    jacobian.block(row, columns_.theta, 3, network_.cols()) +=
-        blended * network_.middleRows<3>(3 * i);
+  void Connect() {
+    moments_.resize(4 * terms_.joints);
+    turned_.resize(4 * network_.outer.cols());
+    columns_.resize(4 * (3 * terms_.joints + terms_.betas + 3) + 16);
+    terms_.transforms = transforms_.data();
+    terms_.translation = translation_m_.data();
+    terms_.centres = centres_.data();
+    terms_.turns = turns_.data();
+    terms_.offset_by_beta = offset_by_beta_.data();
+    terms_.rest = rest_.data();
+    terms_.feature_derivative = feature_derivative_.data();
+    terms_.latent = network_.outer.cols();
+    terms_.network_columns = network_.inner.cols();
+    terms_.network_outer = network_.outer.data();
+    terms_.network_inner = network_.inner.data();
+    terms_.moments = moments_.data();
+    terms_.turned = turned_.data();
+    terms_.columns = columns_.data();
   }
 
-  const FootModel& model_;
-  const ModelParameters& parameters_;
-  const ModelSurface& surface_;
-  const DerivedModelData::Influences& influences_;
-  const std::vector<bool>& corrected_;
-  ParameterColumns columns_;
-  PoseDerivative pose_;
-  Eigen::MatrixX3d rest_;
-  Eigen::MatrixXd network_;
-  std::vector<Eigen::Vector3d> moments_;
-  std::vector<double> masses_;
+  Eigen::Vector3d translation_m_;
+  Eigen::Matrix3Xd rest_;
+  NetworkFactors network_;
+  Eigen::MatrixXd transforms_, centres_, turns_, offset_by_beta_, feature_derivative_;
+  Eigen::VectorXd moments_, turned_, columns_;
+  VertexDerivativeTerms terms_{};
 };
+
+/// Rows of d vertices / d contact: the network's outer factor, turned with the vertices, and its
+/// inner one.
+struct ContactFactors {
+  RowMatrix outer;  ///< 3 N x width
+  Eigen::MatrixXd inner;
+};
+
+ContactFactors TurnedContactFactors(const FootModel& model, const ModelParameters& parameters,
+                                    Variant variant) {
+  CheckParameters(model, parameters);
+  const NetworkFactors network = ContactOffsetsByContact(model, variant, parameters.theta,
+                                                         parameters.beta, parameters.contact);
+  const Skeleton skeleton = PoseSkeleton(model, parameters.theta, parameters.beta);
+  const DerivedModelData::Influences& influences = InfluencesOf(model, variant);
+  ContactFactors factors{network.outer, network.inner};
+  for (Eigen::Index i = 0; 3 * i < network.outer.rows(); ++i) {
+    Eigen::Matrix3d blended = Eigen::Matrix3d::Zero();
+    const auto at = static_cast<std::size_t>(i);
+    for (auto e = static_cast<std::size_t>(influences.start[at]);
+         e < static_cast<std::size_t>(influences.start[at + 1]); ++e) {
+      blended += influences.weight[e] *
+                 skeleton.rotations[static_cast<std::size_t>(influences.joint[e])];
+    }
+    factors.outer.middleRows<3>(3 * i) = blended * network.outer.middleRows<3>(3 * i);
+  }
+  return factors;
+}
 
 }  // namespace
 
@@ -173,7 +198,7 @@ PointsJacobian VertexJacobian(const FootModel& model, const ModelParameters& par
   const auto count = static_cast<Eigen::Index>(vertices.size());
   PointsJacobian result;
   result.points_m.resize(count, 3);
-  result.jacobian = RowMatrix::Zero(3 * count, ColumnsOf(model, parameters).count);
+  result.jacobian.resize(3 * count, ColumnsOf(model, parameters).count);
   for (Eigen::Index m = 0; m < count; ++m) {
     const int vertex = vertices[static_cast<std::size_t>(m)];
     Require(vertex >= 0 && vertex < SurfaceOf(model, variant).NumVertices(),
@@ -199,7 +224,6 @@ PointsJacobian SurfacePointJacobian(const FootModel& model, const ModelParameter
     Require(point.triangle >= 0 && point.triangle < surface.triangles.rows(),
             fmt::format("foot model: no triangle {}", point.triangle));
     for (int corner = 0; corner < 3; ++corner) {
-      corner_rows.setZero();
       const Eigen::Vector3d position =
           differentiator.Write(surface.triangles(point.triangle, corner), 0, corner_rows);
       result.points_m.row(m) += point.barycentric[corner] * position.transpose();
@@ -207,6 +231,35 @@ PointsJacobian SurfacePointJacobian(const FootModel& model, const ModelParameter
     }
   }
   return result;
+}
+
+RowMatrix VertexContactJacobian(const FootModel& model, const ModelParameters& parameters,
+                                Variant variant) {
+  const ContactFactors factors = TurnedContactFactors(model, parameters, variant);
+  if (model.network.empty())
+    return RowMatrix::Zero(3 * SurfaceOf(model, variant).NumVertices(), model.NumVertices());
+  return factors.outer * factors.inner;
+}
+
+RowMatrix SurfacePointContactJacobian(const FootModel& model, const ModelParameters& parameters,
+                                      Variant variant, std::span<const SurfacePoint> points) {
+  const ContactFactors factors = TurnedContactFactors(model, parameters, variant);
+  const ModelSurface& surface = SurfaceOf(model, variant);
+  const auto count = static_cast<Eigen::Index>(points.size());
+  RowMatrix outer = RowMatrix::Zero(3 * count, factors.outer.cols());
+  for (Eigen::Index m = 0; m < count; ++m) {
+    const SurfacePoint& point = points[static_cast<std::size_t>(m)];
+    Require(point.triangle >= 0 && point.triangle < surface.triangles.rows(),
+            fmt::format("foot model: no triangle {}", point.triangle));
+    if (model.network.empty()) continue;
+    for (int corner = 0; corner < 3; ++corner) {
+      outer.middleRows<3>(3 * m) +=
+          point.barycentric[corner] *
+          factors.outer.middleRows<3>(3 * surface.triangles(point.triangle, corner));
+    }
+  }
+  if (model.network.empty()) return RowMatrix::Zero(3 * count, model.NumVertices());
+  return outer * factors.inner;
 }
 
 PointsJacobian JointJacobian(const FootModel& model, const ModelParameters& parameters) {

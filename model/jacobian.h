@@ -28,7 +28,8 @@ struct PointsJacobian {
 };
 
 /// Vertices of a variant, all of them. The derivative includes correctives and the contact network
-/// with respect to theta and beta; contact itself is held fixed.
+/// with respect to theta and beta; contact itself is held fixed
+/// (see VertexContactJacobian).
 PointsJacobian VertexJacobian(const FootModel& model, const ModelParameters& parameters,
                               Variant variant);
 
@@ -39,6 +40,15 @@ PointsJacobian VertexJacobian(const FootModel& model, const ModelParameters& par
 /// Points of the variant's surface.
 PointsJacobian SurfacePointJacobian(const FootModel& model, const ModelParameters& parameters,
                                     Variant variant, std::span<const SurfacePoint> points);
+
+/// Derivative with respect to the N contact values (soft contact; joints do not depend on it), 3 rows
+/// a vertex of the variant. Zero where the model has no network; empty contact is taken as zeros.
+RowMatrix VertexContactJacobian(const FootModel& model, const ModelParameters& parameters,
+                                Variant variant);
+
+/// The same for points of the variant's surface.
+RowMatrix SurfacePointContactJacobian(const FootModel& model, const ModelParameters& parameters,
+                                      Variant variant, std::span<const SurfacePoint> points);
 
 /// Posed joints, 3K rows.
 PointsJacobian JointJacobian(const FootModel& model, const ModelParameters& parameters);

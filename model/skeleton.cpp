@@ -34,4 +34,15 @@ Skeleton PoseSkeleton(const FootModel& model, const Eigen::MatrixX3d& theta,
   return skeleton;
 }
 
+Eigen::MatrixXd BoneTransforms(const Skeleton& skeleton) {
+  Eigen::MatrixXd transforms(16, skeleton.joints.cols());
+  for (Eigen::Index j = 0; j < transforms.cols(); ++j) {
+    const Eigen::Matrix3d& rotation = skeleton.rotations[static_cast<std::size_t>(j)];
+    for (int c = 0; c < 3; ++c)
+      transforms.col(j).segment<4>(4 * c) << rotation.col(c), 0;
+    transforms.col(j).tail<4>() << skeleton.offsets.col(j), 0;
+  }
+  return transforms;
+}
+
 }  // namespace sole::model

@@ -20,4 +20,7 @@ struct Skeleton {
 Skeleton PoseSkeleton(const FootModel& model, const Eigen::MatrixX3d& theta,
                       const Eigen::VectorXd& beta);
 
+/// 16 x K: columns of each bone's rotation and its offset, each followed by one zero.
+Eigen::MatrixXd BoneTransforms(const Skeleton& skeleton);
+
 }  // namespace sole::model

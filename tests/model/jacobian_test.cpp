@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <random>
 #include <vector>
 
 #include "core/error.h"
@@ -106,6 +107,67 @@ TEST(SurfacePointJacobian, MatchesNumericDerivatives) {
   };
   EXPECT_LT((Stack(result.points_m) - f(Pack(parameters))).cwiseAbs().maxCoeff(), 1e-13);
   testing_support::ExpectJacobianNear(f, Pack(parameters), result.jacobian, 2e-9);
+}
+
+/// Forward's vertices as a function of contact.
+auto ByContact(const FootModel& model, const ModelParameters& parameters, Variant variant) {
+  return [&model, parameters, variant](const Eigen::VectorXd& contact) {
+    ModelParameters changed = parameters;
+    changed.contact = contact;
+    return Forward(model, changed, variant).vertices_m;
+  };
+}
+
+TEST(VertexContactJacobian, MatchesNumericDerivatives) {
+  for (const Family family : {Family::kSupr, Family::kStar, Family::kSmpl}) {
+    for (const Variant variant : {Variant::kCoarse, Variant::kFine}) {
+      const FootModel model = RandomModel(family, 35);
+      const ModelParameters parameters = RandomParameters(model, 36);
+      const auto vertices = ByContact(model, parameters, variant);
+      testing_support::ExpectJacobianNear(
+          [&](const Eigen::VectorXd& contact) { return Stack(vertices(contact)); },
+          parameters.contact, VertexContactJacobian(model, parameters, variant), 2e-9);
+    }
+  }
+}
+
+TEST(VertexContactJacobian, ForNetworksOfOneAndTwoLayersAndNone) {
+  FootModel model = RandomModel(Family::kSupr, 37);
+  const std::vector<NetworkLayer> layers = model.network;
+  const ModelParameters parameters = RandomParameters(model, 38);
+  std::mt19937_64 engine(5);
+  model.network = {{testing::RandomMatrix(engine, 36, 34, 0.05), layers.back().bias}};
+  for (int round = 0; round < 3; ++round) {
+    Prepare(model);
+    const auto vertices = ByContact(model, parameters, Variant::kFine);
+    testing_support::ExpectJacobianNear(
+        [&](const Eigen::VectorXd& contact) { return Stack(vertices(contact)); },
+        parameters.contact, VertexContactJacobian(model, parameters, Variant::kFine), 2e-9);
+    ExpectVertexJacobian(model, parameters, Variant::kFine);
+    model.network.clear();
+    if (round > 0) continue;
+    model.network = {{testing::RandomMatrix(engine, 5, 34, 0.3), Eigen::VectorXd::Zero(5)},
+                     {testing::RandomMatrix(engine, 36, 5, 0.05), layers.back().bias}};
+  }
+}
+
+TEST(SurfacePointContactJacobian, MatchesNumericDerivatives) {
+  const FootModel model = RandomModel(Family::kSupr, 39);
+  const ModelParameters parameters = RandomParameters(model, 40);
+  const std::vector<SurfacePoint> points = {{0, {0.2, 0.3, 0.5}}, {17, {0.6, -0.1, 0.5}}};
+  const auto vertices = ByContact(model, parameters, Variant::kFine);
+  const auto f = [&](const Eigen::VectorXd& contact) {
+    const TriangleMesh mesh = MeshOf(model, Variant::kFine, vertices(contact));
+    Eigen::MatrixX3d positions(2, 3);
+    for (int m = 0; m < 2; ++m)
+      positions.row(m) = PositionOf(mesh, points[static_cast<std::size_t>(m)]);
+    return Stack(positions);
+  };
+  const RowMatrix jacobian = SurfacePointContactJacobian(model, parameters, Variant::kFine, points);
+  testing_support::ExpectJacobianNear(f, parameters.contact, jacobian, 2e-9);
+  EXPECT_THROW(SurfacePointContactJacobian(model, parameters, Variant::kFine,
+                                           std::vector<SurfacePoint>{{18, {1, 0, 0}}}),
+               Error);
 }
 
 TEST(JointJacobian, MatchesNumericDerivatives) {
