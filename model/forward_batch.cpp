@@ -52,7 +52,8 @@ MatrixOf<Scalar> NetworkValues(const BatchModel<Scalar>& batch,
                         .template cast<Scalar>();
   }
   for (std::size_t l = 0; l < batch.weights.size(); ++l) {
-    MatrixOf<Scalar> next = batch.biases[l].replicate(1, values.cols());
+    MatrixOf<Scalar> next(batch.weights[l].rows(), values.cols());
+    next.colwise() = batch.biases[l].col(0);
     Add<Scalar>(batch.weights[l], values, next);
     if (l + 1 < batch.weights.size())
       next = next.cwiseMax(static_cast<Scalar>(kNetworkSlope) * next);
@@ -102,8 +103,8 @@ BatchModel<Scalar> PrepareBatch(const FootModel& model, Variant variant) {
   const ModelSurface& surface = SurfaceOf(model, variant);
   BatchModel<Scalar> batch{&model, variant, {}, {}, {}, {}};
   const Eigen::Matrix3Xd positions = surface.template_m.transpose();
-  batch.template_m = Eigen::Map<const Eigen::VectorXd>(positions.data(), positions.size())
-                         .template cast<Scalar>();
+  batch.template_m =
+      Eigen::Map<const Eigen::VectorXd>(positions.data(), positions.size()).template cast<Scalar>();
   batch.blend.resize(surface.shapedirs.rows(), surface.shapedirs.cols() + surface.posedirs.cols());
   batch.blend.leftCols(surface.shapedirs.cols()) = surface.shapedirs.template cast<Scalar>();
   if (surface.posedirs.cols() > 0)
@@ -129,7 +130,7 @@ PosedBatch<Scalar> ForwardBatch(const BatchModel<Scalar>& batch,
     const auto feet = parameters.subspan(first, size);
     auto vertices = posed.vertices_m.middleCols(static_cast<Eigen::Index>(first),
                                                 static_cast<Eigen::Index>(size));
-    vertices = batch.template_m.replicate(1, vertices.cols());
+    vertices.colwise() = batch.template_m.col(0);
     Add<Scalar>(batch.blend, Coefficients(batch, feet), vertices);
     if (!batch.weights.empty()) AddOffsets<Scalar>(batch, NetworkValues(batch, feet), vertices);
     for (std::size_t m = 0; m < size; ++m) {

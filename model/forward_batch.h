@@ -17,10 +17,10 @@ template <class Scalar>
 struct BatchModel {
   const FootModel* model = nullptr;
   Variant variant = Variant::kCoarse;
-  MatrixOf<Scalar> template_m;               ///< 3N x 1
-  MatrixOf<Scalar> blend;                    ///< 3N x (B + P): shapedirs, then posedirs
-  std::vector<MatrixOf<Scalar>> weights;     ///< of the network's layers
-  std::vector<MatrixOf<Scalar>> biases;      ///< one column each
+  MatrixOf<Scalar> template_m;            ///< 3N x 1
+  MatrixOf<Scalar> blend;                 ///< 3N x (B + P): shapedirs, then posedirs
+  std::vector<MatrixOf<Scalar>> weights;  ///< of the network's layers
+  std::vector<MatrixOf<Scalar>> biases;   ///< one column each
 };
 
 /// `model` must be prepared (see Prepare).
@@ -34,8 +34,8 @@ struct PosedBatch {
   MatrixOf<Scalar> joints_m;    ///< 3K x M
 };
 
-/// Forward of M sets of parameters: one matrix product for the blend shapes and one per layer of the
-/// network, in chunks on all threads. Throws Error where a set does not fit the model.
+/// Forward of M sets of parameters: one matrix product for the blend shapes and one per layer of
+/// the network, in chunks on all threads. Throws Error where a set does not fit the model.
 template <class Scalar>
 PosedBatch<Scalar> ForwardBatch(const BatchModel<Scalar>& batch,
                                 std::span<const ModelParameters> parameters);

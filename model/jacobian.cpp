@@ -110,8 +110,7 @@ class VertexDifferentiator {
     for (Eigen::Index j = 0; j < joints; ++j) {
       const auto at = static_cast<std::size_t>(j);
       for (int arm = 0; arm < 3; ++arm) {
-        const Eigen::Matrix3d columns =
-            TurnColumns(pose.turn_axes[at], Eigen::Vector3d::Unit(arm));
+        const Eigen::Matrix3d columns = TurnColumns(pose.turn_axes[at], Eigen::Vector3d::Unit(arm));
         for (int c = 0; c < 3; ++c) turns_.col(j).segment<3>(12 * c + 4 * arm) = columns.col(c);
       }
       offset_by_beta_.block(0, j * betas, 3, betas) = pose.offset_by_beta[at];
@@ -169,8 +168,8 @@ ContactFactors TurnedContactFactors(const FootModel& model, const ModelParameter
     const auto at = static_cast<std::size_t>(i);
     for (auto e = static_cast<std::size_t>(influences.start[at]);
          e < static_cast<std::size_t>(influences.start[at + 1]); ++e) {
-      blended += influences.weight[e] *
-                 skeleton.rotations[static_cast<std::size_t>(influences.joint[e])];
+      blended +=
+          influences.weight[e] * skeleton.rotations[static_cast<std::size_t>(influences.joint[e])];
     }
     factors.outer.middleRows<3>(3 * i) = blended * network.outer.middleRows<3>(3 * i);
   }
@@ -201,8 +200,8 @@ PointsJacobian VertexJacobian(const FootModel& model, const ModelParameters& par
   result.jacobian.resize(3 * count, ColumnsOf(model, parameters).count);
   for (Eigen::Index m = 0; m < count; ++m) {
     const int vertex = vertices[static_cast<std::size_t>(m)];
-    Require(vertex >= 0 && vertex < SurfaceOf(model, variant).NumVertices(),
-            fmt::format("foot model: no vertex {}", vertex));
+    if (vertex < 0 || vertex >= SurfaceOf(model, variant).NumVertices())
+      throw Error(fmt::format("foot model: no vertex {}", vertex));
     result.points_m.row(m) = differentiator.Write(vertex, 3 * m, result.jacobian);
   }
   return result;
@@ -221,8 +220,8 @@ PointsJacobian SurfacePointJacobian(const FootModel& model, const ModelParameter
   RowMatrix corner_rows(3, columns);
   for (Eigen::Index m = 0; m < count; ++m) {
     const SurfacePoint& point = points[static_cast<std::size_t>(m)];
-    Require(point.triangle >= 0 && point.triangle < surface.triangles.rows(),
-            fmt::format("foot model: no triangle {}", point.triangle));
+    if (point.triangle < 0 || point.triangle >= surface.triangles.rows())
+      throw Error(fmt::format("foot model: no triangle {}", point.triangle));
     for (int corner = 0; corner < 3; ++corner) {
       const Eigen::Vector3d position =
           differentiator.Write(surface.triangles(point.triangle, corner), 0, corner_rows);
@@ -249,8 +248,8 @@ RowMatrix SurfacePointContactJacobian(const FootModel& model, const ModelParamet
   RowMatrix outer = RowMatrix::Zero(3 * count, factors.outer.cols());
   for (Eigen::Index m = 0; m < count; ++m) {
     const SurfacePoint& point = points[static_cast<std::size_t>(m)];
-    Require(point.triangle >= 0 && point.triangle < surface.triangles.rows(),
-            fmt::format("foot model: no triangle {}", point.triangle));
+    if (point.triangle < 0 || point.triangle >= surface.triangles.rows())
+      throw Error(fmt::format("foot model: no triangle {}", point.triangle));
     if (model.network.empty()) continue;
     for (int corner = 0; corner < 3; ++corner) {
       outer.middleRows<3>(3 * m) +=

@@ -41,8 +41,8 @@ PointsJacobian VertexJacobian(const FootModel& model, const ModelParameters& par
 PointsJacobian SurfacePointJacobian(const FootModel& model, const ModelParameters& parameters,
                                     Variant variant, std::span<const SurfacePoint> points);
 
-/// Derivative with respect to the N contact values (soft contact; joints do not depend on it), 3 rows
-/// a vertex of the variant. Zero where the model has no network; empty contact is taken as zeros.
+/// Derivative with respect to the N contact values (soft contact; joints do not depend on it), 3
+/// rows a vertex of the variant. Zero where the model has no network; empty contact is taken as zeros.
 RowMatrix VertexContactJacobian(const FootModel& model, const ModelParameters& parameters,
                                 Variant variant);
 

@@ -25,8 +25,8 @@ AngleTerms TermsOf(double squared) {
             1.0 / 6 - squared / 120 * (1 - squared / 42)};
   }
   const double angle = std::sqrt(squared), half = std::sin(angle / 2);
-  return {std::sin(angle) / angle, 2 * half * half / squared,
-          (angle - std::sin(angle)) / (angle * squared)};
+  const double sine = 2 * half * std::cos(angle / 2);
+  return {sine / angle, 2 * half * half / squared, (angle - sine) / (angle * squared)};
 }
 
 }  // namespace
@@ -56,10 +56,13 @@ Eigen::Matrix3d LeftJacobian(const Eigen::Vector3d& theta) {
 }
 
 Eigen::Vector4d QuaternionFeature(const Eigen::Vector3d& theta) {
-  const double squared = theta.squaredNorm();
-  const double quarter = std::sin(std::sqrt(squared) / 4);
+  const double squared = theta.squaredNorm(), angle = std::sqrt(squared);
+  const double quarter = std::sin(angle / 4);
+  const double sine = squared / 4 < kSmallSquaredAngle
+                          ? 0.5 * TermsOf(squared / 4).sine
+                          : 2 * quarter * std::cos(angle / 4) / angle;
   Eigen::Vector4d feature;
-  feature << 0.5 * TermsOf(squared / 4).sine * theta, -2 * quarter * quarter;
+  feature << sine * theta, -2 * quarter * quarter;
   return feature;
 }
 

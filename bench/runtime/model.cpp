@@ -19,7 +19,8 @@ namespace {
 
 constexpr Eigen::Index kVertices = 266, kJoints = 13, kShapes = 10;
 
-Eigen::MatrixXd Random(std::mt19937_64& engine, Eigen::Index rows, Eigen::Index cols, double scale) {
+Eigen::MatrixXd Random(std::mt19937_64& engine, Eigen::Index rows, Eigen::Index cols,
+                       double scale) {
   std::normal_distribution<double> normal(0, scale);
   return Eigen::MatrixXd::NullaryExpr(rows, cols, [&] { return normal(engine); });
 }
@@ -36,10 +37,11 @@ FootModel MakeModel(bool network) {
   model.coarse.shapedirs = Random(engine, 3 * kVertices, kShapes, 0.002);
   model.coarse.posedirs = Random(engine, 3 * kVertices, 4 * kJoints, 0.002);
   model.joint_regressor = Eigen::MatrixXd::Constant(kJoints, kVertices, 1.0 / kVertices);
-  const Eigen::Index sizes[] = {4 * kJoints + 2 + kVertices, 256, 128, 64, 32, 16, 32, 64, 128,
-                                3 * kVertices};
+  const Eigen::Index sizes[] = {
+      4 * kJoints + 2 + kVertices, 256, 128, 64, 32, 16, 32, 64, 128, 3 * kVertices};
   for (int l = 0; network && l < 9; ++l)
-    model.network.push_back({Random(engine, sizes[l + 1], sizes[l], 0.1), Random(engine, sizes[l + 1], 1, 0.1)});
+    model.network.push_back(
+        {Random(engine, sizes[l + 1], sizes[l], 0.1), Random(engine, sizes[l + 1], 1, 0.1)});
   Prepare(model);
   return model;
 }
@@ -77,10 +79,12 @@ PosedFoot PlainForward(const FootModel& model, const ModelParameters& foot) {
   Eigen::Matrix3Xd posed = foot.translation_m.replicate(1, kVertices);
   for (Eigen::Index j = 0; j < kJoints; ++j) {
     const Eigen::Matrix3Xd moved =
-        (skeleton.rotations[static_cast<std::size_t>(j)] * rest).colwise() + skeleton.offsets.col(j);
+        (skeleton.rotations[static_cast<std::size_t>(j)] * rest).colwise() +
+        skeleton.offsets.col(j);
     posed += moved * surface.weights.col(j).asDiagonal();
   }
-  return {posed.transpose(), skeleton.joints.transpose().rowwise() + foot.translation_m.transpose()};
+  return {posed.transpose(),
+          skeleton.joints.transpose().rowwise() + foot.translation_m.transpose()};
 }
 
 void BM_Plain(benchmark::State& state) {
@@ -118,9 +122,9 @@ void BM_PlainJacobian(benchmark::State& state) {
                                                     : sides[s].translation_m[c - columns + 3];
         value += s == 0 ? 1e-6 : -1e-6;
       }
-      const Eigen::Matrix3Xd change = (PlainForward(model, sides[0]).vertices_m -
-                                       PlainForward(model, sides[1]).vertices_m)
-                                          .transpose();
+      const Eigen::Matrix3Xd change =
+          (PlainForward(model, sides[0]).vertices_m - PlainForward(model, sides[1]).vertices_m)
+              .transpose();
       jacobian.col(c) = change.reshaped() / 2e-6;
     }
     benchmark::DoNotOptimize(jacobian.data());
@@ -131,8 +135,7 @@ BENCHMARK(BM_PlainJacobian)->ArgName("network")->Arg(0)->Arg(1)->Unit(benchmark:
 void BM_Jacobian(benchmark::State& state) {
   const ModelParameters foot = MakeFeet(1)[0];
   for (auto _ : state) {
-    benchmark::DoNotOptimize(
-        VertexJacobian(TheModel(state.range(0) != 0), foot, Variant::kCoarse));
+    benchmark::DoNotOptimize(VertexJacobian(TheModel(state.range(0) != 0), foot, Variant::kCoarse));
   }
 }
 BENCHMARK(BM_Jacobian)->ArgName("network")->Arg(0)->Arg(1)->Unit(benchmark::kMicrosecond);

@@ -30,13 +30,13 @@ double WorstDifference(const FootModel& model, Variant variant) {
   double worst = 0;
   for (std::size_t m = 0; m < feet.size(); ++m) {
     const PosedFoot foot = Forward(model, feet[m], variant);
-    const Eigen::Matrix3Xd vertices = foot.vertices_m.transpose(), joints = foot.joints_m.transpose();
+    const Eigen::Matrix3Xd vertices = foot.vertices_m.transpose(),
+                           joints = foot.joints_m.transpose();
     const auto column = static_cast<Eigen::Index>(m);
     const Eigen::VectorXd batch_vertices = batch.vertices_m.col(column).template cast<double>(),
                           batch_joints = batch.joints_m.col(column).template cast<double>();
-    worst = std::max(
-        {worst, (batch_vertices - vertices.reshaped()).cwiseAbs().maxCoeff(),
-         (batch_joints - joints.reshaped()).cwiseAbs().maxCoeff()});
+    worst = std::max({worst, (batch_vertices - vertices.reshaped()).cwiseAbs().maxCoeff(),
+                      (batch_joints - joints.reshaped()).cwiseAbs().maxCoeff()});
   }
   return worst;
 }

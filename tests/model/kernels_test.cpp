@@ -1,8 +1,8 @@
-#include "model/kernels_internal.h"
-
 #include <gtest/gtest.h>
 
 #include <Eigen/Core>
+
+#include "model/kernels_internal.h"
 
 namespace sole::model {
 namespace {
