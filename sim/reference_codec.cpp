@@ -96,7 +96,10 @@ TriangleMesh DecodeReference(std::string_view bytes) {
   Require(bytes.size() > 16 && bytes.substr(0, 8) == kMagic, "reference foot: wrong magic; rebuild the program");
   std::array<std::uint32_t, 2> counts{};
   std::memcpy(counts.data(), bytes.data() + 8, sizeof(counts));
-  std::string planes((static_cast<std::size_t>(counts[0]) + counts[1]) * 12, '\0');
+  const std::size_t unpacked = (static_cast<std::size_t>(counts[0]) + counts[1]) * 12;
+  constexpr std::size_t kLargestRatio = 1032;  // deflate packs no tighter, so a larger claim is damage
+  Require(unpacked <= kLargestRatio * bytes.size(), "reference foot: impossible size; rebuild the program");
+  std::string planes(unpacked, '\0');
   uLongf size = planes.size();
   const int status = uncompress(reinterpret_cast<Bytef*>(planes.data()), &size,
                                 reinterpret_cast<const Bytef*>(bytes.data() + 16), bytes.size() - 16);
@@ -112,6 +115,8 @@ TriangleMesh DecodeReference(std::string_view bytes) {
   for (std::uint32_t t = 0; t < counts[1]; ++t) {
     first += reader.Next();
     const int b = first + reader.Next(), c = first + reader.Next();
+    const auto known = [&](int index) { return index >= 0 && index < static_cast<int>(counts[0]); };
+    Require(known(first) && known(b) && known(c), "reference foot: a triangle without vertices; rebuild the program");
     mesh.triangles.emplace_back(first, b, c);
   }
   return mesh;

@@ -7,6 +7,7 @@
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
 
+#include "core/error.h"
 #include "sim/implicit_foot.h"
 #include "sim/reference_codec.h"
 #include "sim/subject_shape.h"
@@ -92,7 +93,14 @@ TEST(ReferenceCodec, RoundTripsWithinHalfAStep) {
   for (std::size_t i = 0; i < 4; ++i) {
     EXPECT_LE((back.vertices[i] - mesh.vertices[i]).cwiseAbs().maxCoeff(), 0.5 * kReferenceStep + 1e-12);
   }
-  EXPECT_ANY_THROW(DecodeReference("SOLEFOOTxxxxxxxxgarbage"));
+}
+
+TEST(ReferenceCodec, DamageIsAnErrorAndAllocatesNothing) {
+  EXPECT_THROW(DecodeReference("SOLEFOOTxxxxxxxxgarbage"), Error);  // claims 48 GB
+  const TriangleMesh mesh{{{0, 0, 0}, {0.1, 0, 0}, {0, 0.2, 0}}, {{0, 1, 2}}};
+  const std::string file = EncodeReference(mesh);
+  EXPECT_THROW(DecodeReference(file.substr(0, file.size() - 3)), Error);
+  EXPECT_THROW(DecodeReference(EncodeReference({mesh.vertices, {{0, 1, 7}}})), Error);
 }
 
 }  // namespace
