@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <cmath>
+#include <limits>
 #include <mutex>
 #include <thread>
 #include <utility>
@@ -82,6 +84,53 @@ CameraFrame FrameFrom(ArvBuffer* buffer, std::int64_t frame_id) {
   return frame;
 }
 
+GObjectPtr<ArvCamera> OpenDevice(const CameraConfig& config) {
+  GErrorGuard error;
+  GObjectPtr<ArvCamera> camera(arv_camera_new(DeviceName(config).c_str(), error.Out()));
+  if (!camera) ThrowNotFound(config);
+  ArvDevice* device = arv_camera_get_device(camera.get());
+  Require(ARV_IS_GV_DEVICE(device),
+          Name(config) + " is not a GigE Vision camera: only those are supported");
+  const std::string serial = ReadSerial(device);
+  Require(serial == config.serial, "camera at " + config.address + " is " + serial + ", not " +
+                                       config.serial +
+                                       ": correct serial or address in the rig file");
+  Require(arv_gv_device_is_controller(ARV_GV_DEVICE(device)),
+          Name(config) +
+              " is controlled by another program: close that program (or wait some seconds if it "
+              "crashed)");
+  arv_gv_device_set_stream_options(ARV_GV_DEVICE(device),
+                                   ARV_GV_STREAM_OPTION_PACKET_SOCKET_DISABLED);
+  arv_gv_device_set_packet_size_adjustment(ARV_GV_DEVICE(device),
+                                           ARV_GV_PACKET_SIZE_ADJUSTMENT_NEVER);
+  return camera;
+}
+
+CameraStatistics StatisticsOf(ArvStream* stream) {
+  const auto read = [&](const char* name) {
+    return arv_stream_get_info_uint64_by_name(stream, name);
+  };
+  return {read("n_completed_buffers"),   read("n_failures"),        read("n_underruns"),
+          read("n_missing_packets"),     read("n_resend_requests"), read("n_resent_packets"),
+          read("n_resend_ratio_reached")};
+}
+
+CameraStatistics Sum(const CameraStatistics& a, const CameraStatistics& b) {
+  return {a.completed + b.completed,
+          a.failures + b.failures,
+          a.underruns + b.underruns,
+          a.missing_packets + b.missing_packets,
+          a.resend_requests + b.resend_requests,
+          a.resent_packets + b.resent_packets,
+          a.resend_ratio_reached + b.resend_ratio_reached};
+}
+
+std::uint32_t BigEndian32(const std::array<std::uint8_t, 8>& bytes, std::size_t at) {
+  std::uint32_t value = 0;
+  for (std::size_t i = 0; i < 4; ++i) value = value << 8 | bytes[at + i];
+  return value;
+}
+
 bool HoldsImage(ArvBuffer* buffer) {
   const ArvBufferStatus status = arv_buffer_get_status(buffer);
   const bool filled =
@@ -110,34 +159,19 @@ struct Camera::State {
   }
 
   CameraConfig config;
+  mutable std::mutex device_mutex;  ///< of the two pointers, which Reopen replaces
   GObjectPtr<ArvCamera> camera;
   GObjectPtr<ArvStream> stream;
+  CameraStatistics earlier;  ///< of streams that are closed
   std::mutex handler_mutex;
   FrameHandler handler;
   std::atomic<bool> stopping{false};
   std::thread consumer;
-  CameraStatistics last_statistics;
 };
 
-Camera::Camera(const CameraConfig& config) : state_(std::make_unique<State>(config)) {
-  GErrorGuard error;
-  state_->camera.reset(arv_camera_new(DeviceName(config).c_str(), error.Out()));
-  if (!state_->camera) ThrowNotFound(config);
-  ArvDevice* device = arv_camera_get_device(state_->camera.get());
-  Require(ARV_IS_GV_DEVICE(device),
-          Name(config) + " is not a GigE Vision camera: only those are supported");
-  const std::string serial = ReadSerial(device);
-  Require(serial == config.serial, "camera at " + config.address + " is " + serial + ", not " +
-                                       config.serial +
-                                       ": correct serial or address in the rig file");
-  Require(arv_gv_device_is_controller(ARV_GV_DEVICE(device)),
-          Name(config) +
-              " is controlled by another program: close that program (or wait some seconds if it "
-              "crashed)");
-  arv_gv_device_set_stream_options(ARV_GV_DEVICE(device),
-                                   ARV_GV_STREAM_OPTION_PACKET_SOCKET_DISABLED);
-  arv_gv_device_set_packet_size_adjustment(ARV_GV_DEVICE(device),
-                                           ARV_GV_PACKET_SIZE_ADJUSTMENT_NEVER);
+Camera::Camera(const CameraConfig& config)
+    : state_(std::make_unique<State>(config)) {
+  state_->camera = OpenDevice(config);
 }
 
 Camera::~Camera() {
@@ -150,12 +184,12 @@ Camera::~Camera() {
 
 const CameraConfig& Camera::Config() const { return state_->config; }
 
-std::vector<CameraSetting> Camera::ApplySettings(const std::string& trigger_source) {
-  return WriteSettings(state_->camera.get(), state_->config, trigger_source);
+std::vector<CameraSetting> Camera::ApplySettings(const TriggerInput& trigger) {
+  return WriteSettings(state_->camera.get(), state_->config, trigger);
 }
 
-void Camera::Configure(const std::string& trigger_source) {
-  RequireSettings(state_->config, ApplySettings(trigger_source));
+void Camera::Configure(const TriggerInput& trigger) {
+  RequireSettings(state_->config, ApplySettings(trigger));
 }
 
 void Camera::Start() {
@@ -164,17 +198,22 @@ void Camera::Start() {
   ArvCamera* camera = state_->camera.get();
   const guint payload = arv_camera_get_payload(camera, error.Out());
   error.Check(Name(state_->config) + " does not tell its frame size");
-  state_->stream.reset(arv_camera_create_stream(camera, OnStreamEvent, nullptr, error.Out()));
-  if (!state_->stream) error.Check(Name(state_->config) + " opens no stream");
-  Require(state_->stream != nullptr, Name(state_->config) + " opens no stream");
-  g_object_set(state_->stream.get(), "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED,
+  GObjectPtr<ArvStream> stream(
+      arv_camera_create_stream(camera, OnStreamEvent, nullptr, error.Out()));
+  if (!stream) error.Check(Name(state_->config) + " opens no stream");
+  Require(stream != nullptr, Name(state_->config) + " opens no stream");
+  g_object_set(stream.get(), "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED,
                "socket-buffer-size", kSocketBufferBytes, "frame-retention", kFrameRetentionUs,
                "packet-request-ratio", 1.0, nullptr);
   for (int i = 0; i < kBuffers; ++i) {
-    arv_stream_push_buffer(state_->stream.get(), arv_buffer_new_allocate(payload));
+    arv_stream_push_buffer(stream.get(), arv_buffer_new_allocate(payload));
   }
   arv_camera_start_acquisition(camera, error.Out());
   error.Check(Name(state_->config) + " does not start");
+  {
+    const std::lock_guard lock(state_->device_mutex);
+    state_->stream = std::move(stream);
+  }
   state_->stopping = false;
   state_->consumer = std::thread([state = state_.get()] { state->Consume(); });
 }
@@ -190,9 +229,75 @@ void Camera::Stop() {
   if (state_->consumer.joinable()) state_->consumer.join();
   GErrorGuard error;
   arv_camera_stop_acquisition(state_->camera.get(), error.Out());
-  state_->last_statistics = Statistics();
-  state_->stream.reset();
+  GObjectPtr<ArvStream> stream;
+  {
+    const std::lock_guard lock(state_->device_mutex);
+    state_->earlier = Sum(state_->earlier, StatisticsOf(state_->stream.get()));
+    stream = std::move(state_->stream);
+  }
+  stream.reset();  // joins Aravis' thread: not under the lock
   error.Check(Name(state_->config) + " does not stop");
+}
+
+void Camera::Reopen() {
+  try {
+    Stop();
+  } catch (const Error&) {
+    // It went away: nothing that could be stopped.
+  }
+  GObjectPtr<ArvCamera> old;
+  {
+    const std::lock_guard lock(state_->device_mutex);
+    old = std::move(state_->camera);
+  }
+  old.reset();  // gives the control channel back first, which may take seconds
+  GObjectPtr<ArvCamera> camera = OpenDevice(state_->config);
+  const std::lock_guard lock(state_->device_mutex);
+  state_->camera = std::move(camera);
+}
+
+CameraLink Camera::Probe() {
+  constexpr std::uint64_t kControlRegister = 0x0A00;
+  constexpr std::uint32_t kControlBits = 0x3;
+  if (!state_->camera) return CameraLink::kFreed;
+  guint32 control = 0;
+  GErrorGuard error;
+  ArvDevice* device = arv_camera_get_device(state_->camera.get());
+  if (!arv_device_read_register(device, kControlRegister, &control, error.Out())) {
+    return CameraLink::kSilent;
+  }
+  return (control & kControlBits) != 0 && InControl() ? CameraLink::kOurs : CameraLink::kFreed;
+}
+
+std::optional<std::int64_t> Camera::HostMinusDeviceNs() {
+  // Bootstrap registers that GigE Vision prescribes: tick frequency, latch, latched value.
+  constexpr std::uint64_t kFrequency = 0x093C, kLatch = 0x0944, kLatched = 0x0948;
+  constexpr int kTries = 5;
+  constexpr std::uint32_t kLatchNow = 2;
+  ArvDevice* device = arv_camera_get_device(state_->camera.get());
+  std::array<std::uint8_t, 8> bytes{};
+  if (!arv_device_read_memory(device, kFrequency, 8, bytes.data(), nullptr)) return {};
+  const double hz = BigEndian32(bytes, 0) * 4294967296.0 + BigEndian32(bytes, 4);
+  if (!(hz > 0)) return {};
+  std::optional<std::int64_t> offset;
+  std::int64_t shortest = std::numeric_limits<std::int64_t>::max();
+  for (int i = 0; i < kTries; ++i) {
+    const std::int64_t before = HostNowNs();
+    if (!arv_device_write_register(device, kLatch, kLatchNow, nullptr)) return {};
+    const std::int64_t after = HostNowNs();
+    if (!arv_device_read_memory(device, kLatched, 8, bytes.data(), nullptr)) return {};
+    const std::uint64_t ticks =
+        static_cast<std::uint64_t>(BigEndian32(bytes, 0)) << 32 | BigEndian32(bytes, 4);
+    if (ticks == 0) return {};
+    if (after - before >= shortest) continue;
+    shortest = after - before;
+    const double ns_per_tick = 1e9 / hz;
+    const std::int64_t device_ns = hz == 1e9
+                                       ? static_cast<std::int64_t>(ticks)
+                                       : std::llround(static_cast<double>(ticks) * ns_per_tick);
+    offset = before + shortest / 2 - device_ns;
+  }
+  return offset;
 }
 
 void Camera::SoftwareTrigger() {
@@ -202,19 +307,15 @@ void Camera::SoftwareTrigger() {
 }
 
 CameraStatistics Camera::Statistics() const {
-  ArvStream* stream = state_->stream.get();
-  if (stream == nullptr) return state_->last_statistics;
-  const auto read = [&](const char* name) {
-    return arv_stream_get_info_uint64_by_name(stream, name);
-  };
-  return {read("n_completed_buffers"),   read("n_failures"),        read("n_underruns"),
-          read("n_missing_packets"),     read("n_resend_requests"), read("n_resent_packets"),
-          read("n_resend_ratio_reached")};
+  const std::lock_guard lock(state_->device_mutex);
+  if (!state_->stream) return state_->earlier;
+  return Sum(state_->earlier, StatisticsOf(state_->stream.get()));
 }
 
 bool Camera::InControl() const {
-  return arv_gv_device_is_controller(ARV_GV_DEVICE(arv_camera_get_device(state_->camera.get()))) !=
-         FALSE;
+  const std::lock_guard lock(state_->device_mutex);
+  return state_->camera != nullptr && arv_gv_device_is_controller(ARV_GV_DEVICE(
+                                          arv_camera_get_device(state_->camera.get()))) != FALSE;
 }
 
 void RequireSettings(const CameraConfig& config, const std::vector<CameraSetting>& settings) {

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -25,7 +26,7 @@ struct CameraFrame {
 /// Called on the camera's consumer thread; must return well within a trigger period.
 using FrameHandler = std::function<void(const CameraFrame&)>;
 
-/// Counters of one stream since Start.
+/// Counters of a camera's streams, reopened ones included.
 struct CameraStatistics {
   std::uint64_t completed = 0;  ///< frames delivered whole
   std::uint64_t failures = 0;   ///< frames delivered with holes
@@ -44,6 +45,21 @@ struct CameraSetting {
   bool ok = false;
 };
 
+/// What makes a camera expose.
+struct TriggerInput {
+  std::string source = "Line1";  ///< GenICam TriggerSource: Line1, Software or Action1
+  std::uint32_t device_key = 0;  ///< of action commands
+  std::uint32_t group_key = 0;
+  std::uint32_t group_mask = 0;
+};
+
+/// What the control channel says of a camera that sends no frames.
+enum class CameraLink {
+  kOurs,    ///< answers, and this program controls it
+  kFreed,   ///< answers, but forgot its controller: it restarted or gave up on us
+  kSilent,  ///< does not answer
+};
+
 /// An opened GigE Vision camera. Opening takes control; destruction gives it back.
 class Camera {
  public:
@@ -57,12 +73,11 @@ class Camera {
 
   const CameraConfig& Config() const;
 
-  /// Writes every setting (size, pixel format, exposure, gain, packets, trigger on rising edges of
-  /// `trigger_source`) and reads it back. Nothing is thrown for a setting that the camera refuses:
-  /// see `ok`.
-  std::vector<CameraSetting> ApplySettings(const std::string& trigger_source);
+  /// Writes every setting (region, pixel format, exposure, gain, packets, trigger) and reads it
+  /// back. Nothing is thrown for a setting that the camera refuses: see `ok`.
+  std::vector<CameraSetting> ApplySettings(const TriggerInput& trigger);
   /// The same; throws Error naming camera, setting and both values at the first mismatch.
-  void Configure(const std::string& trigger_source);
+  void Configure(const TriggerInput& trigger);
 
   /// Starts streaming with buffers for about two seconds' worth of frames at 10 Hz. Frames go to
   /// the handler.
@@ -76,6 +91,14 @@ class Camera {
   CameraStatistics Statistics() const;
   /// False once the camera stopped answering its control channel.
   bool InControl() const;
+  /// Asks the control channel; may take seconds where nothing answers.
+  CameraLink Probe();
+  /// Opens the device anew after it was lost. The handler and the counts stay; Configure and Start
+  /// are to follow. Throws Error, after which it may be tried again.
+  void Reopen();
+  /// Host time (HostNowNs) minus camera clock, to about a millisecond; empty if the camera cannot
+  /// tell its time.
+  std::optional<std::int64_t> HostMinusDeviceNs();
 
  private:
   struct State;

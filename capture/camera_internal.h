@@ -38,6 +38,6 @@ class GErrorGuard {
 };
 
 std::vector<CameraSetting> WriteSettings(ArvCamera* camera, const CameraConfig& config,
-                                         const std::string& trigger_source);
+                                         const TriggerInput& trigger);
 
 }  // namespace sole::capture

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "capture/camera_recorder_internal.h"
@@ -12,8 +13,9 @@ CameraRecorder::CameraRecorder(Camera& camera, const CameraSync& sync, const Tri
     : camera_(camera),
       log_(log),
       options_(std::move(options)),
+      file_(options_.path, camera.Config().serial),
       matcher_(sync, options_.period_ns),
-      file_(options_.path, camera.Config().serial) {
+      holding_(options_.hold_frames > 0) {
   counts_.serial = camera.Config().serial;
   last_arrival_ns_ = HostNowNs();
   writer_ = std::thread([this] { Write(); });
@@ -33,6 +35,30 @@ void CameraRecorder::Join() {
   writer_.join();
 }
 
+void CameraRecorder::Release(std::int64_t first_trigger) {
+  const std::scoped_lock locks(match_mutex_, mutex_);
+  first_trigger_ = first_trigger;
+  const std::string serial = counts_.serial;
+  counts_ = {};
+  counts_.serial = serial;
+  latency_sum_s_ = 0;
+  std::erase_if(queue_, [&](const Frame& frame) { return frame.header.trigger < first_trigger; });
+  arrived_ = static_cast<std::int64_t>(queue_.size());
+  holding_ = false;
+  changed_.notify_all();
+}
+
+void CameraRecorder::Retie(std::optional<std::int64_t> host_minus_device_ns) {
+  const std::lock_guard lock(match_mutex_);
+  matcher_.Retie(host_minus_device_ns.value_or(0));
+  clock_unknown_ = !host_minus_device_ns;
+}
+
+int CameraRecorder::Queued() const {
+  const std::lock_guard lock(mutex_);
+  return static_cast<int>(queue_.size());
+}
+
 void CameraRecorder::Finish() {
   Join();
   file_.Close();
@@ -40,6 +66,14 @@ void CameraRecorder::Finish() {
 
 void CameraRecorder::OnFrame(const CameraFrame& frame) {
   last_arrival_ns_ = frame.host_time_ns;
+  const std::lock_guard lock(match_mutex_);
+  if (clock_unknown_ && frame.complete) {
+    const double latency_s =
+        arrived_ > 0 ? latency_sum_s_ / static_cast<double>(arrived_.load()) : 0;
+    matcher_.Retie(frame.host_time_ns - std::llround(1e9 * latency_s) -
+                   static_cast<std::int64_t>(frame.device_time_ns));
+    clock_unknown_ = false;
+  }
   const FrameMatch match =
       matcher_.Match(frame.frame_id, frame.device_time_ns, frame.complete, log_);
   const bool fits = frame.width == camera_.Config().width &&
@@ -51,19 +85,26 @@ void CameraRecorder::OnFrame(const CameraFrame& frame) {
     ++counts_.strays;
     return;
   }
+  if (match.edge.sequence < first_trigger_) return;
   if (match.outcome == MatchOutcome::kRealigned) ++counts_.realigned;
   const double latency_s = static_cast<double>(frame.host_time_ns - match.edge.actual_ns) * 1e-9;
   latency_sum_s_ += latency_s;
   counts_.latency_max_s = std::max(counts_.latency_max_s, latency_s);
   ++arrived_;
+  if (options_.on_frame) options_.on_frame(frame, match);
   Enqueue(frame, match);
 }
 
 void CameraRecorder::Enqueue(const CameraFrame& frame, const FrameMatch& match) {
-  Queued queued;
+  Frame queued;
   {
     const std::lock_guard lock(mutex_);
-    if (static_cast<int>(queue_.size()) >= options_.queue_frames) {
+    if (holding_) {
+      while (static_cast<int>(queue_.size()) >= options_.hold_frames) {
+        spare_.push_back(std::move(queue_.front().pixels));
+        queue_.pop_front();
+      }
+    } else if (static_cast<int>(queue_.size()) >= options_.hold_frames + options_.queue_frames) {
       ++counts_.dropped;
       return;
     }
@@ -89,17 +130,20 @@ void CameraRecorder::Enqueue(const CameraFrame& frame, const FrameMatch& match) 
 
 void CameraRecorder::Write() {
   bool failed = false;
+  std::int64_t first = 1;
   for (;;) {
-    Queued next;
+    Frame next;
     {
       std::unique_lock lock(mutex_);
-      changed_.wait(lock, [&] { return finishing_ || !queue_.empty(); });
-      if (queue_.empty()) return;
+      changed_.wait(lock, [&] { return finishing_ || (!holding_ && !queue_.empty()); });
+      if (holding_ || queue_.empty()) return;
       next = std::move(queue_.front());
       queue_.pop_front();
+      first = first_trigger_;  // changes together with holding_, under both locks
     }
     if (!failed) {
       try {
+        next.header.trigger -= first - 1;
         file_.Append(next.header, next.pixels.data());
         stored_triggers_[next.header.trigger] = next.header.status == 0;
         ++stored_;

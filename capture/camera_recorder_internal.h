@@ -8,6 +8,7 @@
 #include <functional>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -21,14 +22,18 @@ namespace sole::capture {
 
 /// Stores one camera's frames: matches them to triggers on the camera's consumer thread and hands
 /// them through a bounded queue to a writer thread, so that a slow disk costs dropped frames, which
-/// are counted, and never stalls the stream.
+/// are counted, and never stalls the stream. With hold_frames the queue is a ring in memory until
+/// Release says which trigger is the take's first.
 class CameraRecorder {
  public:
   struct Options {
     std::filesystem::path path;
     int queue_frames = 32;
-    std::int64_t period_ns = 0;
+    int hold_frames = 0;  ///< > 0: the newest that many wait in memory for Release
+    std::int64_t period_ns = 0;  ///< shortest time between triggers
     std::function<void(const std::string&)> on_failure;  ///< the disk refused; called once
+    /// Every frame of a trigger as it arrives, on the consumer thread.
+    std::function<void(const CameraFrame&, const FrameMatch&)> on_frame{};
   };
   /// Creates the file and takes over the camera's handler. Throws Error if the file cannot be
   /// created.
@@ -37,18 +42,26 @@ class CameraRecorder {
   CameraRecorder(const CameraRecorder&) = delete;
   CameraRecorder& operator=(const CameraRecorder&) = delete;
 
+  /// Ends the hold: what was held from `first_trigger` on is written, and that trigger becomes
+  /// number 1 of the file.
+  void Release(std::int64_t first_trigger);
+  /// The camera was opened anew: its ids count from anywhere, its clock is `host_minus_device_ns`
+  /// behind the host's. Where that is not known the next whole frame tells, by its arrival.
+  void Retie(std::optional<std::int64_t> host_minus_device_ns);
   /// Detaches from the camera, writes what is queued and closes the file. Throws Error if closing
   /// fails.
   void Finish();
-  /// Triggers that have their frame, stored or dropped.
+  /// Triggers that have their frame, stored or dropped; since Release.
   std::int64_t Arrived() const { return arrived_.load(); }
+  /// Frames between network and disk.
+  int Queued() const;
   std::int64_t Stored() const { return stored_.load(); }
   std::int64_t LastArrivalNs() const { return last_arrival_ns_.load(); }
-  /// What came of `fired` triggers; after Finish.
+  /// What came of the take's `fired` triggers; after Finish.
   CameraRecord Result(std::int64_t fired) const;
 
  private:
-  struct Queued {
+  struct Frame {
     io::RawRecordHeader header;
     std::vector<std::uint8_t> pixels;
   };
@@ -60,22 +73,26 @@ class CameraRecorder {
   Camera& camera_;
   const TriggerLog& log_;
   Options options_;
-  FrameMatcher matcher_;
   io::RawFileWriter file_;
 
-  std::mutex mutex_;
+  std::mutex match_mutex_;  ///< of what the consumer thread works on
+  FrameMatcher matcher_;
+  std::int64_t first_trigger_ = 1;
+  bool clock_unknown_ = false;
+  CameraRecord counts_;
+  double latency_sum_s_ = 0;
+
+  mutable std::mutex mutex_;  ///< of the queue
   std::condition_variable changed_;
-  std::deque<Queued> queue_;
+  std::deque<Frame> queue_;
   std::vector<std::vector<std::uint8_t>> spare_;
+  bool holding_ = false;
   bool finishing_ = false;
   std::thread writer_;
 
   std::atomic<std::int64_t> arrived_{0};
   std::atomic<std::int64_t> stored_{0};
   std::atomic<std::int64_t> last_arrival_ns_{0};
-  // Written by the consumer thread, read after Finish.
-  CameraRecord counts_;
-  double latency_sum_s_ = 0;
   // Written by the writer thread, read after Finish: trigger -> whole.
   std::map<std::int64_t, bool> stored_triggers_;
 };

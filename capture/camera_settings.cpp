@@ -75,12 +75,14 @@ class SettingWriter {
 
 void WriteImageFormat(SettingWriter& writer, const CameraConfig& config) {
   writer.Text("PixelFormat", "Mono8");
-  // Offsets first, so that a smaller region of an earlier session cannot forbid the size.
+  // Offsets are zero first, so that the region of an earlier session cannot forbid the size.
   for (const char* offset : {"OffsetX", "OffsetY"}) {
     if (writer.Has(offset)) writer.Integer(offset, 0);
   }
   writer.Integer("Width", config.width);
   writer.Integer("Height", config.height);
+  if (config.offset_x != 0) writer.Integer("OffsetX", config.offset_x);
+  if (config.offset_y != 0) writer.Integer("OffsetY", config.offset_y);
 }
 
 void WriteExposure(SettingWriter& writer, ArvCamera* camera, const CameraConfig& config) {
@@ -114,19 +116,28 @@ void WritePackets(SettingWriter& writer, ArvCamera* camera, const CameraConfig& 
   }
 }
 
+/// Keys of the action commands that this camera shall obey; the selector is the number in Action1.
+void WriteAction(SettingWriter& writer, const TriggerInput& trigger) {
+  writer.Integer("ActionDeviceKey", trigger.device_key);
+  if (writer.Has("ActionSelector")) writer.Integer("ActionSelector", trigger.source.back() - '0');
+  writer.Integer("ActionGroupKey", trigger.group_key);
+  writer.Integer("ActionGroupMask", trigger.group_mask);
+}
+
 }  // namespace
 
 std::vector<CameraSetting> WriteSettings(ArvCamera* camera, const CameraConfig& config,
-                                         const std::string& trigger_source) {
+                                         const TriggerInput& trigger) {
   SettingWriter writer(camera);
   WriteImageFormat(writer, config);
   WriteExposure(writer, camera, config);
   WritePackets(writer, camera, config);
   writer.TextIfPresent("AcquisitionMode", "Continuous");
+  if (trigger.source.starts_with("Action")) WriteAction(writer, trigger);
   // The trigger comes last: some cameras disarm it when rates or sizes change.
   GErrorGuard error;
-  arv_camera_set_trigger(camera, trigger_source.c_str(), error.Out());
-  writer.ReadText({"TriggerSource", trigger_source, "", false}, error);
+  arv_camera_set_trigger(camera, trigger.source.c_str(), error.Out());
+  writer.ReadText({"TriggerSource", trigger.source, "", false}, error);
   writer.ReadText({"TriggerMode", "On", "", false}, error);
   return writer.settings;
 }

@@ -17,6 +17,11 @@ FrameMatcher::FrameMatcher(const CameraSync& sync, std::int64_t period_ns)
       offset_ns_(sync.host_minus_device_ns),
       window_ns_(period_ns / 2) {}
 
+void FrameMatcher::Retie(std::int64_t host_minus_device_ns) {
+  offset_ns_ = host_minus_device_ns;
+  id_of_trigger_zero_.reset();
+}
+
 FrameMatch FrameMatcher::Claim(MatchOutcome outcome, const TriggerEdge& edge,
                                std::int64_t residual_ns) {
   if (!taken_.insert(edge.sequence).second) return {MatchOutcome::kRepeated, edge, residual_ns};
@@ -26,7 +31,8 @@ FrameMatch FrameMatcher::Claim(MatchOutcome outcome, const TriggerEdge& edge,
 FrameMatch FrameMatcher::Match(std::int64_t frame_id, std::uint64_t device_time_ns, bool complete,
                                const TriggerLog& log) {
   const std::int64_t time_ns = static_cast<std::int64_t>(device_time_ns) + offset_ns_;
-  const std::optional<TriggerEdge> by_id = log.Find(frame_id - id_of_trigger_zero_);
+  const std::optional<TriggerEdge> by_id =
+      id_of_trigger_zero_ ? log.Find(frame_id - *id_of_trigger_zero_) : std::nullopt;
   if (by_id) {
     const std::int64_t residual = time_ns - by_id->actual_ns;
     if (!complete) return Claim(MatchOutcome::kMatched, *by_id, 0);
@@ -39,8 +45,10 @@ FrameMatch FrameMatcher::Match(std::int64_t frame_id, std::uint64_t device_time_
   if (!complete) return {};
   const std::optional<TriggerEdge> by_time = log.Nearest(time_ns);
   if (!by_time || std::abs(time_ns - by_time->actual_ns) >= window_ns_) return {};
-  const FrameMatch match = Claim(MatchOutcome::kRealigned, *by_time, time_ns - by_time->actual_ns);
-  if (match.outcome == MatchOutcome::kRealigned) id_of_trigger_zero_ = frame_id - by_time->sequence;
+  const MatchOutcome outcome =
+      id_of_trigger_zero_ ? MatchOutcome::kRealigned : MatchOutcome::kMatched;
+  const FrameMatch match = Claim(outcome, *by_time, time_ns - by_time->actual_ns);
+  if (match.outcome == outcome) id_of_trigger_zero_ = frame_id - by_time->sequence;
   return match;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <set>
 
 #include "capture/trigger_log.h"
@@ -38,10 +39,14 @@ class FrameMatcher {
   FrameMatch Match(std::int64_t frame_id, std::uint64_t device_time_ns, bool complete,
                    const TriggerLog& log);
 
+  /// Frame ids count anew and the camera's clock was set anew: the next whole frame is placed by its
+  /// timestamp and ties the ids again.
+  void Retie(std::int64_t host_minus_device_ns);
+
  private:
   FrameMatch Claim(MatchOutcome outcome, const TriggerEdge& edge, std::int64_t residual_ns);
 
-  std::int64_t id_of_trigger_zero_;
+  std::optional<std::int64_t> id_of_trigger_zero_;  ///< empty after Retie
   std::int64_t offset_ns_;
   std::int64_t window_ns_;
   std::set<std::int64_t> taken_;

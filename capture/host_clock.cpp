@@ -25,6 +25,10 @@ std::int64_t RealtimeFromMonotonic() {
 
 std::int64_t HostNowNs() { return RealtimeFromMonotonic() + Read(CLOCK_MONOTONIC); }
 
+std::int64_t HostFromMonotonicNs(std::int64_t monotonic_ns) {
+  return RealtimeFromMonotonic() + monotonic_ns;
+}
+
 bool SleepUntilNs(std::int64_t host_ns, const std::atomic<bool>* stop) {
   for (;;) {
     if (stop != nullptr && stop->load()) return false;

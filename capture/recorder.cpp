@@ -63,11 +63,11 @@ class Session {
   bool StopAsked() const { return options_.stop != nullptr && options_.stop->load(); }
 
   void OpenCameras() {
-    const std::string source = CameraSourceFor(config_.trigger);
+    const TriggerInput input = InputFor(config_.trigger);
     for (const CameraConfig& camera : config_.cameras)
       cameras_.push_back(std::make_unique<Camera>(camera));
-    for (const auto& camera : cameras_) camera->Configure(source);
-    trigger_ = MakeTrigger(config_.trigger, cameras_);
+    for (const auto& camera : cameras_) camera->Configure(input);
+    trigger_ = MakeTrigger(config_, cameras_);
     for (const auto& camera : cameras_) camera->Start();
   }
 

@@ -60,7 +60,7 @@ class Check {
       auto camera = std::make_unique<Camera>(config);
       check.found = check.controlled = true;
       const std::vector<CameraSetting> settings =
-          camera->ApplySettings(CameraSourceFor(config_.trigger));
+          camera->ApplySettings(InputFor(config_.trigger));
       RequireSettings(config, settings);
       check.settings_ok = true;
       camera->Start();
@@ -77,7 +77,7 @@ class Check {
 
   void CheckTriggers() {
     try {
-      const auto trigger = MakeTrigger(config_.trigger, cameras_);
+      const auto trigger = MakeTrigger(config_, cameras_);
       const auto answers = WarmUp(cameras_, *trigger,
                                   {.triggers = config_.trigger.warmup,
                                    .attempts = 2,

@@ -9,14 +9,19 @@
 
 namespace sole::capture {
 
+/// Shortest time between two triggers.
 std::int64_t PeriodNs(const TriggerConfig& config);
 
-/// TriggerSource of the cameras for this configuration.
-std::string CameraSourceFor(const TriggerConfig& config);
+/// How the cameras are set to be triggered.
+TriggerInput InputFor(const TriggerConfig& config);
 
 /// The trigger that the rig file names. `cameras` must outlive it (software triggers go through
 /// them).
-std::unique_ptr<Trigger> MakeTrigger(const TriggerConfig& config, const CameraList& cameras);
+std::unique_ptr<Trigger> MakeTrigger(const RigConfig& config, const CameraList& cameras);
+
+/// `count` triggers by the rig file's cycle, from `start_ns` on.
+TriggerSchedule ScheduleFor(const TriggerConfig& config, std::int64_t start_ns,
+                            std::int64_t count);
 
 /// Why a camera did not answer the warm-up, with what to do.
 std::string DescribeSilence(const WarmUpAnswer& answer, const TriggerConfig& config);

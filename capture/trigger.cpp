@@ -37,15 +37,21 @@ std::int64_t FireSchedule(Trigger& trigger, const TriggerSchedule& schedule, Tri
                           const std::atomic<bool>* stop) {
   Require(schedule.period_ns > 0 && !schedule.cycle.empty(),
           "trigger schedule needs a period and a cycle");
+  const auto kinds = static_cast<std::int64_t>(schedule.cycle.size());
+  const std::int64_t step = schedule.gap_ns > 0 ? schedule.gap_ns : schedule.period_ns;
+  const std::int64_t rest = kinds * schedule.period_ns - (kinds - 1) * step;
+  Require(rest > 0, "the exposures of a trigger cycle do not fit into it");
+  const std::int64_t shortest = std::min(step, rest);
   std::int64_t earliest = schedule.start_ns;
   for (std::int64_t i = 0; i < schedule.count; ++i) {
     TriggerEdge edge;
     edge.sequence = schedule.first_sequence + i;
-    edge.kind = schedule.cycle[static_cast<std::size_t>(i) % schedule.cycle.size()];
-    edge.scheduled_ns = schedule.start_ns + i * schedule.period_ns;
+    edge.kind = schedule.cycle[static_cast<std::size_t>(i % kinds)];
+    edge.scheduled_ns =
+        schedule.start_ns + i / kinds * kinds * schedule.period_ns + i % kinds * step;
     if (!SleepUntilNs(std::max(edge.scheduled_ns, earliest), stop)) return i;
     edge.actual_ns = HostNowNs();
-    earliest = edge.actual_ns + schedule.period_ns * 4 / 5;
+    earliest = edge.actual_ns + shortest * 4 / 5;
     log.Append(edge);
     trigger.Emit(edge);
   }

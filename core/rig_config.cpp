@@ -1,5 +1,6 @@
 #include "core/rig_config.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
@@ -14,7 +15,9 @@ std::string RigIdentityHash(const RigConfig& config) {
   std::ostringstream text;
   text.precision(9);
   for (const CameraConfig& camera : config.cameras) {
-    text << camera.serial << ' ' << camera.width << 'x' << camera.height << '\n';
+    text << camera.serial << ' ' << camera.width << 'x' << camera.height;
+    if (camera.offset_x != 0 || camera.offset_y != 0) text << '+' << camera.offset_x << '+' << camera.offset_y;
+    text << '\n';
   }
   for (const PairConfig& pair : config.pairs) text << pair.left << '-' << pair.right << '\n';
   text << config.plate.index << '\n';
@@ -30,6 +33,34 @@ std::string RigIdentityHash(const RigConfig& config) {
   std::snprintf(digits, sizeof digits, "%016llx", static_cast<unsigned long long>(hash));
   return digits;
 }
+
+double ShortestExposureInterval(const TriggerConfig& trigger) {
+  const double period = 1 / trigger.rate_hz;
+  const auto exposures = static_cast<double>(trigger.exposures.size());
+  if (exposures < 2) return period;
+  if (trigger.exposure_gap_s <= 0) return period / exposures;
+  return std::min(trigger.exposure_gap_s, period - (exposures - 1) * trigger.exposure_gap_s);
+}
+
+namespace {
+
+void ValidateTrigger(const TriggerConfig& trigger) {
+  Require(trigger.rate_hz > 0 && trigger.rate_hz <= 1000, "trigger rate_hz must be above 0 and at most 1000");
+  Require(trigger.source == "simulated" || trigger.source == "gpio" || trigger.source == "action" ||
+              trigger.source == "software",
+          "trigger source '" + trigger.source + "': use simulated, gpio, action or software");
+  Require(!trigger.exposures.empty(), "trigger exposures: a cycle has at least one");
+  Require(trigger.exposure_gap_s >= 0 && ShortestExposureInterval(trigger) > 0,
+          "trigger exposure_gap_s: the exposures of a cycle do not fit into 1 / rate_hz");
+  Require(trigger.pre_roll_s >= 0 && trigger.post_roll_s >= 0, "trigger pre_roll_s and post_roll_s must not be negative");
+  Require(trigger.pulse_us > 0 && trigger.pulse_us * 1e-6 < ShortestExposureInterval(trigger),
+          "trigger pulse_us must be above 0 and shorter than the time between exposures");
+  for (const StrobeConfig& strobe : trigger.strobes) {
+    Require(!strobe.line.empty(), "strobe '" + strobe.name + "' has no line");
+  }
+}
+
+}  // namespace
 
 int CameraIndex(const RigConfig& config, const std::string& serial) {
   for (std::size_t i = 0; i < config.cameras.size(); ++i) {
@@ -47,6 +78,7 @@ void Validate(const RigConfig& config) {
     Require(serials.insert(camera.serial).second, where + "serial appears twice");
     Require(camera.width >= 64 && camera.width <= 16384 && camera.height >= 64 && camera.height <= 16384,
             where + "width and height must be 64 to 16384 pixels");
+    Require(camera.offset_x >= 0 && camera.offset_y >= 0, where + "offset_x and offset_y must not be negative");
     Require(camera.focal_px > 0, where + "focal_px must be positive");
     Require(camera.exposure_us > 0, where + "exposure_us must be positive");
     Require(camera.packet_size >= 576 && camera.packet_size <= 65500,
@@ -58,11 +90,10 @@ void Validate(const RigConfig& config) {
     Require(serials.contains(pair.right), "pair '" + pair.name + "': no camera '" + pair.right + "'");
     Require(pair.left != pair.right, "pair '" + pair.name + "' names one camera twice");
   }
-  Require(config.trigger.rate_hz > 0 && config.trigger.rate_hz <= 1000,
-          "trigger rate_hz must be above 0 and at most 1000");
-  Require(config.trigger.source == "simulated" || config.trigger.source == "gpio" ||
-              config.trigger.source == "software",
-          "trigger source '" + config.trigger.source + "': use simulated, gpio or software");
+  ValidateTrigger(config.trigger);
+  Require(config.disk.reserve_mb >= 0 && config.disk.write_test_mb >= 0 && config.disk.max_share > 0 &&
+              config.disk.max_share <= 1,
+          "disk reserve_mb and write_test_mb must not be negative, max_share above 0 and at most 1");
   Require(config.plate.thickness_m > 0 && config.plate.thickness_m < 0.1,
           "plate thickness_m must be above 0 and below 0.1 m");
   Require(config.plate.index >= 1 && config.plate.index < 3, "plate index must be 1 to 3");

@@ -1,11 +1,13 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
 #include <Eigen/Core>
 
 #include "core/fault.h"
+#include "core/frame_set.h"
 #include "core/target.h"
 
 namespace sole {
@@ -14,9 +16,12 @@ namespace sole {
 /// place the simulated camera); the true values are what calibration finds.
 struct CameraConfig {
   std::string serial;
-  std::string address;  ///< loopback address of the simulated device; empty for real cameras
-  int width = 1624;
+  std::string role;     ///< what it looks at, in the lab's own words: "sole", "toes"; may be empty
+  std::string address;  ///< network address; empty: wherever discovery finds the serial
+  int width = 1624;     ///< region of interest on the sensor, pixels
   int height = 1236;
+  int offset_x = 0;  ///< of the region's first pixel on the sensor
+  int offset_y = 0;
   double focal_px = 3250;
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
   Eigen::Vector3d look_at_m = Eigen::Vector3d::Zero();
@@ -33,13 +38,42 @@ struct PairConfig {
   std::string right;
 };
 
+/// A light that is switched by an output line during the exposures of its kinds.
+struct StrobeConfig {
+  std::string name;
+  std::string line;  ///< number or name on the trigger's gpio_chip
+  std::vector<ExposureKind> exposures = {ExposureKind::kSpeckle};
+};
+
+/// A cycle of one or more exposures, repeated at rate_hz. GPIO lines are numbers ("17") or names.
 struct TriggerConfig {
-  std::string source = "simulated";  ///< simulated, gpio or software
-  double rate_hz = 10;
+  std::string source = "simulated";  ///< simulated, gpio, action or software
+  double rate_hz = 10;               ///< cycles per second
+  std::vector<ExposureKind> exposures = {ExposureKind::kSpeckle};  ///< within a cycle, in order
+  double exposure_gap_s = 0;  ///< between them; 0 spreads them evenly over the cycle
   int warmup = 3;
+  double pre_roll_s = 0;   ///< kept from before the start by key or foot
+  double post_roll_s = 0;  ///< recorded after the stop by key or foot
   std::string gpio_chip = "gpiochip0";
-  int gpio_line = 17;
+  std::string gpio_line = "17";
+  std::string readback_line;  ///< input that is high while cameras expose; empty: none
+  double pulse_us = 200;      ///< length of pulses on trigger and strobe lines
+  std::vector<StrobeConfig> strobes;
+  std::string action_address = "255.255.255.255";  ///< where action commands go
+  std::uint32_t action_device_key = 1;
+  std::uint32_t action_group_key = 1;
+  std::uint32_t action_group_mask = 1;
   int bus_port = 17701;  ///< UDP port on 127.0.0.1 of the simulated trigger bus (core/trigger_bus.h)
+};
+
+/// Shortest time between two exposures of the schedule.
+double ShortestExposureInterval(const TriggerConfig& trigger);
+
+/// What recording demands of the disk.
+struct DiskConfig {
+  double reserve_mb = 64;    ///< free space that a take leaves untouched
+  double max_share = 0.8;    ///< of the measured write rate that a take may need
+  double write_test_mb = 256;  ///< size of the test before a take that needs much; 0: no test
 };
 
 struct PlateConfig {
@@ -78,6 +112,7 @@ struct RigConfig {
   std::vector<CameraConfig> cameras;
   std::vector<PairConfig> pairs;
   TriggerConfig trigger;
+  DiskConfig disk;
   PlateConfig plate;
   TargetConfig target;
   SimulationConfig simulation;

@@ -4,6 +4,8 @@
 #include <limits>
 #include <optional>
 #include <set>
+#include <utility>
+#include <vector>
 
 #include <fmt/format.h>
 
@@ -20,13 +22,17 @@ constexpr double kTiny = std::numeric_limits<double>::denorm_min();  ///< lower 
 constexpr double kHuge = std::numeric_limits<double>::max();
 constexpr Range kPositive{kTiny, kHuge}, kAny{-kHuge, kHuge};
 constexpr Range kSide{64, 16384};
+constexpr Range kSeconds{0, 3600};
 
 CameraConfig ReadCamera(TomlTable table) {
   CameraConfig camera;
   table.Read("serial", camera.serial);
+  table.Read("role", camera.role);
   table.Read("address", camera.address);
   table.Read("width", camera.width, kSide);
   table.Read("height", camera.height, kSide);
+  table.Read("offset_x", camera.offset_x, {0, kSide.high});
+  table.Read("offset_y", camera.offset_y, {0, kSide.high});
   table.Read("focal_px", camera.focal_px, kPositive);
   table.Read("position_m", camera.position_m);
   table.Read("look_at_m", camera.look_at_m);
@@ -71,18 +77,62 @@ void ReadCameras(TomlTable& top, RigConfig& config) {
   }
 }
 
+void ReadExposures(TomlTable& table, std::vector<ExposureKind>& exposures) {
+  if (!table.Has("exposures")) return;
+  std::vector<std::string> names;
+  table.Read("exposures", names);
+  if (names.empty()) table.Fail("exposures", "is empty: name at least one of speckle, texture");
+  exposures.clear();
+  for (const std::string& name : names) {
+    if (name != "speckle" && name != "texture") {
+      table.Fail("exposures", "holds '" + Shown(name) + "': use speckle and texture");
+    }
+    exposures.push_back(ExposureKindFromString(name));
+  }
+}
+
 void ReadTrigger(TomlTable& top, TriggerConfig& trigger) {
   for (TomlTable& table : top.Table("trigger")) {
     table.Read("source", trigger.source);
     table.Read("rate_hz", trigger.rate_hz, {kTiny, 1000});
+    ReadExposures(table, trigger.exposures);
+    table.Read("exposure_gap_s", trigger.exposure_gap_s, kSeconds);
     table.Read("warmup", trigger.warmup, {0, 1000});
+    table.Read("pre_roll_s", trigger.pre_roll_s, kSeconds);
+    table.Read("post_roll_s", trigger.post_roll_s, kSeconds);
     table.Read("gpio_chip", trigger.gpio_chip);
-    table.Read("gpio_line", trigger.gpio_line, {0, 1023});
+    table.ReadNameOrNumber("gpio_line", trigger.gpio_line);
+    table.ReadNameOrNumber("readback_line", trigger.readback_line);
+    table.Read("pulse_us", trigger.pulse_us, {1, 1e6});
+    for (TomlTable& item : table.Tables("strobe")) {
+      StrobeConfig strobe;
+      item.Read("name", strobe.name);
+      item.ReadNameOrNumber("line", strobe.line);
+      ReadExposures(item, strobe.exposures);
+      item.Finish();
+      if (strobe.line.empty()) item.Fail("line", "is missing: the strobe needs a GPIO line");
+      trigger.strobes.push_back(strobe);
+    }
+    table.Read("action_address", trigger.action_address);
+    table.Read("action_device_key", trigger.action_device_key);
+    table.Read("action_group_key", trigger.action_group_key);
+    table.Read("action_group_mask", trigger.action_group_mask);
     table.Read("bus_port", trigger.bus_port, {1, 65535});
     table.Finish();
-    if (trigger.source != "simulated" && trigger.source != "gpio" && trigger.source != "software") {
-      table.Fail("source", "is '" + Shown(trigger.source) + "': use simulated, gpio or software");
+    if (trigger.source != "simulated" && trigger.source != "gpio" && trigger.source != "action" &&
+        trigger.source != "software") {
+      table.Fail("source",
+                 "is '" + Shown(trigger.source) + "': use simulated, gpio, action or software");
     }
+  }
+}
+
+void ReadDisk(TomlTable& top, DiskConfig& disk) {
+  for (TomlTable& table : top.Table("disk")) {
+    table.Read("reserve_mb", disk.reserve_mb, {0, 1e9});
+    table.Read("max_share", disk.max_share, {0.01, 1});
+    table.Read("write_test_mb", disk.write_test_mb, {0, 1e5});
+    table.Finish();
   }
 }
 
@@ -187,15 +237,61 @@ std::string Listed(const Vector& v) {
   return "[" + text + "]";
 }
 
+std::string Listed(const std::vector<ExposureKind>& kinds) {
+  std::string text;
+  for (const ExposureKind kind : kinds) text += (text.empty() ? "" : ", ") + Quoted(ToString(kind));
+  return "[" + text + "]";
+}
+
+/// "key = value" line by line; the values are TOML already.
+using Keys = std::vector<std::pair<const char*, std::string>>;
+std::string Lines(const Keys& keys) {
+  std::string text;
+  for (const auto& [key, value] : keys) text += fmt::format("{} = {}\n", key, value);
+  return text;
+}
+
 std::string FormatCamera(const CameraConfig& c) {
-  return fmt::format(
-      "\n[[camera]]\nserial = {}\naddress = {}\nwidth = {}\nheight = {}\nfocal_px = {}\nposition_m "
-      "= {}\n"
-      "look_at_m = {}\nup = {}\nexposure_us = {}\ngain_db = {}\npacket_size = {}\npacket_delay_ns "
-      "= {}\n",
-      Quoted(c.serial), Quoted(c.address), c.width, c.height, Float(c.focal_px),
-      Listed(c.position_m), Listed(c.look_at_m), Listed(c.up), Float(c.exposure_us),
-      Float(c.gain_db), c.packet_size, c.packet_delay_ns);
+  return "\n[[camera]]\n" + Lines({{"serial", Quoted(c.serial)},
+                                   {"role", Quoted(c.role)},
+                                   {"address", Quoted(c.address)},
+                                   {"width", std::to_string(c.width)},
+                                   {"height", std::to_string(c.height)},
+                                   {"offset_x", std::to_string(c.offset_x)},
+                                   {"offset_y", std::to_string(c.offset_y)},
+                                   {"focal_px", Float(c.focal_px)},
+                                   {"position_m", Listed(c.position_m)},
+                                   {"look_at_m", Listed(c.look_at_m)},
+                                   {"up", Listed(c.up)},
+                                   {"exposure_us", Float(c.exposure_us)},
+                                   {"gain_db", Float(c.gain_db)},
+                                   {"packet_size", std::to_string(c.packet_size)},
+                                   {"packet_delay_ns", std::to_string(c.packet_delay_ns)}});
+}
+
+std::string FormatTrigger(const TriggerConfig& t) {
+  std::string text = "\n[trigger]\n" + Lines({{"source", Quoted(t.source)},
+                                              {"rate_hz", Float(t.rate_hz)},
+                                              {"exposures", Listed(t.exposures)},
+                                              {"exposure_gap_s", Float(t.exposure_gap_s)},
+                                              {"warmup", std::to_string(t.warmup)},
+                                              {"pre_roll_s", Float(t.pre_roll_s)},
+                                              {"post_roll_s", Float(t.post_roll_s)},
+                                              {"gpio_chip", Quoted(t.gpio_chip)},
+                                              {"gpio_line", Quoted(t.gpio_line)},
+                                              {"readback_line", Quoted(t.readback_line)},
+                                              {"pulse_us", Float(t.pulse_us)},
+                                              {"action_address", Quoted(t.action_address)},
+                                              {"action_device_key", std::to_string(t.action_device_key)},
+                                              {"action_group_key", std::to_string(t.action_group_key)},
+                                              {"action_group_mask", std::to_string(t.action_group_mask)},
+                                              {"bus_port", std::to_string(t.bus_port)}});
+  for (const StrobeConfig& strobe : t.strobes) {
+    text += "\n[[trigger.strobe]]\n" + Lines({{"name", Quoted(strobe.name)},
+                                              {"line", Quoted(strobe.line)},
+                                              {"exposures", Listed(strobe.exposures)}});
+  }
+  return text;
 }
 
 }  // namespace
@@ -208,6 +304,7 @@ RigConfig ParseRig(const std::string& toml, const std::string& name) {
   top.Read("format_version", version, {kVersion, kVersion});
   top.Read("name", config.name);
   ReadTrigger(top, config.trigger);
+  ReadDisk(top, config.disk);
   ReadPlate(top, config.plate);
   ReadTarget(top, config.target);
   ReadCameras(top, config);
@@ -226,7 +323,6 @@ RigConfig ReadRigFile(const std::filesystem::path& path) {
 }
 
 std::string FormatRig(const RigConfig& config) {
-  const TriggerConfig& trigger = config.trigger;
   const PlateConfig& plate = config.plate;
   const TargetConfig& target = config.target;
   std::string text = fmt::format(
@@ -234,11 +330,10 @@ std::string FormatRig(const RigConfig& config) {
       "docs/formats.md has every key.\n"
       "format_version = {}\nname = {}\n",
       kVersion, Quoted(config.name));
-  text += fmt::format(
-      "\n[trigger]\nsource = {}\nrate_hz = {}\nwarmup = {}\ngpio_chip = {}\ngpio_line = "
-      "{}\nbus_port = {}\n",
-      Quoted(trigger.source), Float(trigger.rate_hz), trigger.warmup, Quoted(trigger.gpio_chip),
-      trigger.gpio_line, trigger.bus_port);
+  text += FormatTrigger(config.trigger);
+  text += "\n[disk]\n" + Lines({{"reserve_mb", Float(config.disk.reserve_mb)},
+                                {"max_share", Float(config.disk.max_share)},
+                                {"write_test_mb", Float(config.disk.write_test_mb)}});
   text += fmt::format("\n[plate]\nsize_x_m = {}\nsize_y_m = {}\nthickness_m = {}\nindex = {}\n",
                       Float(plate.size_x_m), Float(plate.size_y_m), Float(plate.thickness_m),
                       Float(plate.index));

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include <fmt/format.h>
@@ -71,6 +72,40 @@ void TomlTable::Read(const char* key, std::string& value) {
   if (!node) return;
   if (!node->is_string()) Fail(key, "must be text in quotes");
   value = node->as_string()->get();
+}
+
+void TomlTable::Read(const char* key, std::vector<std::string>& value) {
+  const toml::node* node = Find(key);
+  if (!node) return;
+  const toml::array* list = node->as_array();
+  if (!list) Fail(key, "must be a list of texts in quotes");
+  value.clear();
+  for (const toml::node& item : *list) {
+    if (!item.is_string()) Fail(key, "must be a list of texts in quotes");
+    value.push_back(item.as_string()->get());
+  }
+}
+
+void TomlTable::ReadNameOrNumber(const char* key, std::string& value) {
+  const toml::node* node = Find(key);
+  if (!node) return;
+  if (node->is_integer() && node->as_integer()->get() >= 0) {
+    value = std::to_string(node->as_integer()->get());
+  } else if (node->is_string()) {
+    value = node->as_string()->get();
+  } else {
+    Fail(key, "must be a number from 0 or a name in quotes");
+  }
+}
+
+void TomlTable::Read(const char* key, std::uint32_t& value) {
+  constexpr std::int64_t kMax = std::numeric_limits<std::uint32_t>::max();
+  const toml::node* node = Find(key);
+  if (!node) return;
+  if (!node->is_integer()) Fail(key, "must be an integer");
+  const std::int64_t read = node->as_integer()->get();
+  if (read < 0 || read > kMax) Fail(key, fmt::format("is {}, allowed are 0 to {}", read, kMax));
+  value = static_cast<std::uint32_t>(read);
 }
 
 void TomlTable::Read(const char* key, int& value, Range range) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <set>
 #include <string>
 #include <vector>
@@ -25,10 +26,14 @@ class TomlTable {
   TomlTable(const toml::table& table, std::string file, std::string title);
 
   void Read(const char* key, std::string& value);
+  void Read(const char* key, std::vector<std::string>& value);
   void Read(const char* key, int& value, Range range);
+  void Read(const char* key, std::uint32_t& value);
   void Read(const char* key, double& value, Range range);
   void Read(const char* key, Eigen::Vector2d& value) { ReadNumbers(key, value.data(), 2); }
   void Read(const char* key, Eigen::Vector3d& value) { ReadNumbers(key, value.data(), 3); }
+  /// Text, or an integer from 0 as its digits.
+  void ReadNameOrNumber(const char* key, std::string& value);
   /// A sub-table; none if absent.
   std::vector<TomlTable> Table(const char* key);
   /// An array of tables; empty if absent.

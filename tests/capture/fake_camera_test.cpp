@@ -89,7 +89,7 @@ TEST_F(FakeCameraTest, SecondControllerIsTold) {
 
 TEST_F(FakeCameraTest, MissingLineIsNamedAsTheSetting) {
   Camera camera(config.cameras[0]);
-  EXPECT_THAT(ErrorOf([&] { camera.Configure("Line1"); }),
+  EXPECT_THAT(ErrorOf([&] { camera.Configure({}); }),
               AllOf(HasSubstr("FOREIGN1"), HasSubstr("TriggerSource")));
 }
 

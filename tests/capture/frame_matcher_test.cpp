@@ -99,6 +99,16 @@ TEST_F(FrameMatcherTest, IncompleteFrameCountsByIdOnly) {
   EXPECT_EQ(Match(kSyncId + 7, 2, false).outcome, MatchOutcome::kUnknown);
 }
 
+TEST_F(FrameMatcherTest, AfterRetieTimesPlaceTheFirstFrameAndIdsTheNext) {
+  Fire(8);
+  ExpectMatched(Match(kSyncId + 1, 1), 1);
+  matcher.Retie(kDeviceBehind + 77);  // the camera restarted: ids from 1, a clock set anew
+  EXPECT_EQ(Match(1, 5, false).outcome, MatchOutcome::kUnknown);  // without its packets no time
+  ExpectMatched(Match(2, 6), 6);
+  ExpectMatched(Match(3, -50, false), 7);
+  EXPECT_EQ(Match(4, 6).outcome, MatchOutcome::kRepeated);
+}
+
 TEST_F(FrameMatcherTest, FollowsADriftingClockFarBeyondTheWindow) {
   Fire(4000);
   constexpr double kDrift = 1 + 500e-6;  // 0.2 s after 4000 triggers, four times the window

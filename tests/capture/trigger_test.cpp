@@ -126,7 +126,7 @@ TEST(TriggerLog, NearestPicksTheCloserNeighbour) {
 }
 
 TEST(GpioTrigger, MissingChipIsNamed) {
-  EXPECT_THAT(ErrorOf([] { MakeGpioTrigger("gpiochip977", {17}); }),
+  EXPECT_THAT(ErrorOf([] { MakeGpioTrigger({.chip = "gpiochip977", .strobes = {}, .readback_line = {}}); }),
               AllOf(HasSubstr("/dev/gpiochip977"), HasSubstr("gpio_chip")));
 }
 

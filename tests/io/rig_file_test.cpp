@@ -37,7 +37,28 @@ TEST(FormatRig, RoundTripsEveryFieldExactly) {
     camera.packet_size = 1500 + static_cast<int>(i);
     camera.packet_delay_ns = static_cast<int>(i) * 1000;
   }
-  config.trigger = {"gpio", 59.94, 0, "gpiochip4", 0, 17999};
+  config.cameras[1].role = "sole \"left\"";
+  config.cameras[2].offset_x = 16;
+  config.cameras[3].offset_y = 4;
+  config.trigger.source = "action";
+  config.trigger.rate_hz = 29.97;
+  config.trigger.exposures = {ExposureKind::kSpeckle, ExposureKind::kTexture};
+  config.trigger.exposure_gap_s = 1.0 / 300;
+  config.trigger.warmup = 0;
+  config.trigger.pre_roll_s = 1.5;
+  config.trigger.post_roll_s = 0.5;
+  config.trigger.gpio_chip = "gpiochip4";
+  config.trigger.gpio_line = "0";
+  config.trigger.readback_line = "EXPOSURE";
+  config.trigger.pulse_us = 150;
+  config.trigger.strobes = {{"dots", "3", {ExposureKind::kSpeckle}},
+                            {"panels", "LIGHT", {ExposureKind::kSpeckle, ExposureKind::kTexture}}};
+  config.trigger.action_address = "10.0.0.255";
+  config.trigger.action_device_key = 4294967295U;
+  config.trigger.action_group_key = 7;
+  config.trigger.action_group_mask = 3;
+  config.trigger.bus_port = 17999;
+  config.disk = {1000, 0.7, 0};
   config.plate.size_x_m = 1.0 / 3;
   config.plate.size_y_m = 1e22;
   config.plate.thickness_m = 0.0151;
@@ -56,7 +77,19 @@ TEST(FormatRig, RoundTripsEveryFieldExactly) {
   EXPECT_EQ(read.cameras[3].packet_delay_ns, 3000);
   EXPECT_EQ(read.cameras[3].address, config.cameras[3].address);
   EXPECT_EQ(read.pairs[2].name, config.pairs[2].name);
-  EXPECT_EQ(read.trigger.gpio_line, 0);
+  EXPECT_EQ(read.cameras[1].role, config.cameras[1].role);
+  EXPECT_EQ(read.cameras[2].offset_x, 16);
+  EXPECT_EQ(read.cameras[3].offset_y, 4);
+  EXPECT_EQ(read.trigger.gpio_line, "0");
+  EXPECT_EQ(read.trigger.readback_line, "EXPOSURE");
+  EXPECT_EQ(read.trigger.exposures, config.trigger.exposures);
+  EXPECT_EQ(read.trigger.exposure_gap_s, config.trigger.exposure_gap_s);
+  ASSERT_EQ(read.trigger.strobes.size(), 2U);
+  EXPECT_EQ(read.trigger.strobes[1].line, "LIGHT");
+  EXPECT_EQ(read.trigger.strobes[1].exposures, config.trigger.strobes[1].exposures);
+  EXPECT_EQ(read.trigger.action_device_key, 4294967295U);
+  EXPECT_EQ(read.disk.reserve_mb, 1000);
+  EXPECT_EQ(read.disk.write_test_mb, 0);
   EXPECT_EQ(read.trigger.bus_port, 17999);
   EXPECT_EQ(read.plate.size_y_m, 1e22);
   EXPECT_EQ(read.plate.fiducials.size(), config.plate.fiducials.size());
@@ -83,6 +116,25 @@ TEST(ParseRig, FaultsTakeTheDefaultsOfTheirKindAndAreChecked) {
   EXPECT_THAT(ErrorIn(with("name = \"fog\"\namount = 2\n")), HasSubstr("must be 0 to 1"));
   EXPECT_THAT(ErrorIn(with("name = \"fog\"\ncamera = \"B\"\n")), HasSubstr("no camera 'B'"));
   EXPECT_THAT(ErrorIn(with("name = \"fog\"\ntriger = 2\n")), HasSubstr("did you mean trigger"));
+}
+
+TEST(ParseRig, LinesAreNumbersOrNames) {
+  const RigConfig read = ParseRig(
+      Minimal("[trigger]\ngpio_line = 4\nreadback_line = \"GPIO22\"\n[[trigger.strobe]]\nline = 5\n"), "rig.toml");
+  EXPECT_EQ(read.trigger.gpio_line, "4");
+  EXPECT_EQ(read.trigger.readback_line, "GPIO22");
+  EXPECT_EQ(read.trigger.strobes.at(0).line, "5");
+  EXPECT_THAT(ErrorIn(Minimal("[trigger]\ngpio_line = -4\n")), HasSubstr("a number from 0 or a name"));
+  EXPECT_THAT(ErrorIn(Minimal("[trigger]\n[[trigger.strobe]]\nname = \"dots\"\n")), HasSubstr("needs a GPIO line"));
+}
+
+TEST(ParseRig, ExposuresOfACycleMustFit) {
+  const auto trigger = [](const std::string& keys) { return Minimal("[trigger]\n" + keys); };
+  EXPECT_THAT(ErrorIn(trigger("exposures = [\"speckle\", \"dark\"]\n")), HasSubstr("rig.toml:7:13: key 'exposures'"));
+  EXPECT_THAT(ErrorIn(trigger("exposures = []\n")), HasSubstr("is empty"));
+  EXPECT_THAT(ErrorIn(trigger("exposures = 1\n")), HasSubstr("list of texts"));
+  EXPECT_THAT(ErrorIn(trigger("rate_hz = 50\nexposures = [\"speckle\", \"texture\"]\nexposure_gap_s = 0.02\n")),
+              HasSubstr("do not fit"));
 }
 
 TEST(ParseRig, MissingKeysTakeTheDefaults) {
@@ -133,7 +185,7 @@ TEST(ParseRig, ImpossibleValuesSayWhere) {
   EXPECT_EQ(ErrorIn(Minimal("up = [-2, 0, 0]\n")),
             "rig.toml:6:6: key 'up' in [[camera]] is parallel to the viewing direction");
   EXPECT_EQ(ErrorIn(Minimal("[trigger]\nsource = \"usb\"\n")),
-            "rig.toml:7:10: key 'source' in [trigger] is 'usb': use simulated, gpio or software");
+            "rig.toml:7:10: key 'source' in [trigger] is 'usb': use simulated, gpio, action or software");
   EXPECT_EQ(ErrorIn(Minimal("[[camera]]\nserial = \"A\"\nlook_at_m = [1, 0, 0]\n")),
             "rig.toml:7:10: key 'serial' in [[camera]] appears twice");
   EXPECT_EQ(ErrorIn(Minimal("[[pair]]\nleft = \"A\"\nright = \"B\"\n")),
