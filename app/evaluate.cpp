@@ -9,6 +9,7 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
+#include "app/console.h"
 #include "app/truth.h"
 #include "contact/label.h"
 #include "core/error.h"
@@ -299,7 +300,7 @@ void FormatValue(const json& value, std::string& text) {
 
 json EvaluateTake(const fs::path& directory, const std::optional<model::FootModel>& model) {
   const io::TakePaths take{directory};
-  const io::TakeReader reader(directory);
+  const io::TakeReader reader(directory, Log);
   const TakeTruth truth = ReadTruth(directory);
   return {{"capture", ScoreCapture(take, reader)},
           {"calibration", ScoreCalibration(take)},

@@ -7,6 +7,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "app/console.h"
 #include "app/evaluate.h"
 #include "app/picture.h"
 #include "app/truth.h"
@@ -139,7 +140,7 @@ constexpr char kStyle[] =
 
 void WriteReport(const fs::path& path, const fs::path& directory, const ModelPair& models, const json& summary) {
   const io::TakePaths take{directory};
-  const io::TakeReader reader(directory);
+  const io::TakeReader reader(directory, Log);
   const fs::path folder = path.parent_path().empty() ? fs::path(".") : path.parent_path();
   std::string html = fmt::format(
       "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>Sole report: {0}</title><style>{1}</style>"

@@ -83,7 +83,7 @@ fs::path DefaultModelPath() {
 
 json RunReconstruct(const fs::path& directory, const fs::path& calibration_path) {
   const io::TakePaths take{directory};
-  const io::TakeReader reader(directory);
+  const io::TakeReader reader(directory, Log);
   const Calibration calibration = io::ReadCalibration(calibration_path);
   Require(calibration.rig.rig_hash == RigIdentityHash(reader.Config()),
           fmt::format("{} is the calibration of another rig than {}: record a calibration take with this rig and "

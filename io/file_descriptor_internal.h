@@ -5,6 +5,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <utility>
 
 namespace sole::io {
@@ -52,5 +53,12 @@ class FileDescriptor {
  private:
   int fd_;
 };
+
+/// Makes a rename to `path` last; a file system that cannot do it is left alone.
+inline void SyncDirectory(const std::filesystem::path& path) {
+  const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : ".";
+  const FileDescriptor directory(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (directory.Valid()) ::fsync(directory.Get());
+}
 
 }  // namespace sole::io

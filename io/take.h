@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -66,10 +67,12 @@ void WriteTriggers(const TakePaths& take, const std::vector<TriggerRecord>& trig
 /// A recorded take as a source of frame sets, trigger by trigger. Opening checks that take.json is
 /// of a known version and state, that the rig file is readable and that every camera of the rig has
 /// a readable file; throws Error naming what is missing. A torn last record is dropped (its image
-/// is absent).
+/// is absent), and so is one whose pixels do not match their checksum, which is told to `warn`.
 class TakeReader : public FrameSource {
  public:
-  explicit TakeReader(const std::filesystem::path& directory);
+  /// `warn` gets one line for every damaged image that is read, from any thread that reads.
+  explicit TakeReader(const std::filesystem::path& directory,
+                      std::function<void(const std::string&)> warn = {});
   ~TakeReader() override;
 
   const TakeInfo& Info() const;

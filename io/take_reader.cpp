@@ -51,10 +51,24 @@ struct TakeReader::State {
   std::vector<TriggerRecord> triggers;
   std::vector<CameraFile> cameras;
   std::size_t next = 0;
+  std::function<void(const std::string&)> warn;
+
+  std::optional<ImageU8> Image(const CameraFile& camera, std::int64_t trigger) const {
+    const auto record = camera.records.find(trigger);
+    if (record == camera.records.end()) return {};
+    try {
+      return ReadRawImage(camera.path, record->second);
+    } catch (const DamagedRecordError& error) {
+      if (warn) warn(std::string("warning: ") + error.what() + "; the image counts as absent");
+      return {};
+    }
+  }
 };
 
-TakeReader::TakeReader(const fs::path& directory) : state_(std::make_unique<State>()) {
+TakeReader::TakeReader(const fs::path& directory, std::function<void(const std::string&)> warn)
+    : state_(std::make_unique<State>()) {
   State& state = *state_;
+  state.warn = std::move(warn);
   state.paths.root = directory;
   Require(fs::is_directory(directory),
           directory.string() + " is not a take: there is no such folder");
@@ -84,13 +98,8 @@ FrameSet TakeReader::Read(std::size_t index) const {
                                                std::to_string(index + 1));
   const TriggerRecord& trigger = state_->triggers[index];
   FrameSet frames{trigger.trigger, trigger.actual_s, trigger.kind, {}};
-  for (const CameraFile& camera : state_->cameras) {
-    const auto record = camera.records.find(trigger.trigger);
-    if (record == camera.records.end())
-      frames.images.emplace_back();
-    else
-      frames.images.emplace_back(ReadRawImage(camera.path, record->second));
-  }
+  for (const CameraFile& camera : state_->cameras)
+    frames.images.push_back(state_->Image(camera, trigger.trigger));
   return frames;
 }
 

@@ -155,10 +155,6 @@ void AppendShared(std::string& out, const Entry& entry) {
 
 }  // namespace
 
-std::uint32_t Crc32(const void* bytes, std::size_t size, std::uint32_t start) {
-  return static_cast<std::uint32_t>(crc32_z(start, static_cast<const Bytef*>(bytes), size));
-}
-
 std::map<std::string, Bytes> ReadZip(const std::string& archive, const std::string& where) {
   std::map<std::string, Bytes> result;
   for (const Entry& entry : ReadDirectory(archive, where)) {

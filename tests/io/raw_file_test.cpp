@@ -1,11 +1,15 @@
 #include "io/raw_file.h"
 
+#include <sys/stat.h>
+
+#include <cstdlib>
 #include <cstring>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "io/atomic_file.h"
+#include "io/bytes_internal.h"
 #include "tests/support/error_matcher.h"
 #include "tests/support/file_size_limit.h"
 #include "tests/support/temp_dir.h"
@@ -18,8 +22,9 @@ using testing_support::ErrorOf;
 using testing_support::FileSizeLimit;
 using testing_support::TempDir;
 
-constexpr std::uint32_t kWidth = 32, kHeight = 20;
-constexpr std::size_t kRecordSize = 64 + kWidth * kHeight;
+constexpr std::uint32_t kWidth = 96, kHeight = 50;  // 4800 bytes: two blocks
+constexpr std::size_t kBlock = 4096;
+constexpr std::size_t kRecordSize = 3 * kBlock;
 
 std::vector<std::uint8_t> Pixels(int trigger) {
   std::vector<std::uint8_t> pixels(kWidth * kHeight);
@@ -29,7 +34,14 @@ std::vector<std::uint8_t> Pixels(int trigger) {
 }
 
 RawRecordHeader HeaderOf(int trigger) {
-  return {trigger, 70000U + static_cast<unsigned>(trigger), 1ULL << 60, -5, kWidth, kHeight, 0};
+  return {.trigger = trigger,
+          .frame_id = 70000U + static_cast<unsigned>(trigger),
+          .device_time_ns = 1ULL << 60,
+          .host_time_ns = -5,
+          .width = kWidth,
+          .height = kHeight,
+          .status = 0,
+          .kind = trigger % 2 == 0 ? ExposureKind::kTexture : ExposureKind::kSpeckle};
 }
 
 /// A closed file with records of triggers 1 to `records`; its bytes.
@@ -55,6 +67,8 @@ TEST(RawFile, RoundTripsHeadersAndPixels) {
     EXPECT_EQ(record.header.frame_id, 70000U + static_cast<unsigned>(t));
     EXPECT_EQ(record.header.device_time_ns, 1ULL << 60);
     EXPECT_EQ(record.header.host_time_ns, -5);
+    EXPECT_EQ(record.header.kind, t % 2 == 0 ? ExposureKind::kTexture : ExposureKind::kSpeckle);
+    EXPECT_TRUE(CheckRawRecord(dir / "a.raw", record));
     EXPECT_EQ(ReadRawImage(dir / "a.raw", record).pixels, Pixels(t));
   }
 }
@@ -62,28 +76,121 @@ TEST(RawFile, RoundTripsHeadersAndPixels) {
 TEST(RawFile, HasTheDocumentedLayout) {
   const TempDir dir;
   const std::string bytes = Record(dir / "a.raw", 1);
-  ASSERT_EQ(bytes.size(), 64 + kRecordSize);
+  ASSERT_EQ(bytes.size(), kBlock + kRecordSize);
   EXPECT_EQ(bytes.substr(0, 8), "SOLERAW1");
+  EXPECT_EQ(bytes[8], 2);
   EXPECT_STREQ(bytes.c_str() + 16, "SIM0001");
-  EXPECT_EQ(bytes.substr(64, 4), "SREC");
+  EXPECT_EQ(bytes.substr(kBlock, 4), "SREC");
   std::int64_t trigger;
-  std::memcpy(&trigger, &bytes[64 + 8], 8);
+  std::memcpy(&trigger, &bytes[kBlock + 8], 8);
   EXPECT_EQ(trigger, 1);
   std::uint32_t width;
-  std::memcpy(&width, &bytes[64 + 40], 4);
+  std::memcpy(&width, &bytes[kBlock + 40], 4);
   EXPECT_EQ(width, kWidth);
-  EXPECT_EQ(static_cast<std::uint8_t>(bytes[128]), Pixels(1)[0]);
+  EXPECT_EQ(bytes[kBlock + 56], 1);  // speckle
+  const std::vector<std::uint8_t> pixels = Pixels(1);
+  EXPECT_EQ(std::memcmp(&bytes[2 * kBlock], pixels.data(), pixels.size()), 0);
+  EXPECT_EQ(bytes.find_first_not_of('\0', 2 * kBlock + pixels.size()), std::string::npos);
+}
+
+TEST(RawFile, ReadsVersionOneWhichHasNoPadding) {
+  const TempDir dir;
+  const std::string now = Record(dir / "a.raw", 3);
+  const auto sealed = [&](std::string header, char version) {
+    if (version == 1) {
+      header[8] = 1;
+      header[12] = 64, header[13] = 0;
+    }
+    const std::uint32_t crc = Crc32(header.data(), 60);
+    std::memcpy(&header[60], &crc, 4);
+    return header;
+  };
+  std::string old = sealed(now.substr(0, 64), 1);
+  for (std::size_t t = 0; t < 3; ++t) {
+    old += now.substr(kBlock + t * kRecordSize, 64);
+    old += now.substr(2 * kBlock + t * kRecordSize, kWidth * kHeight);
+  }
+  for (const std::size_t cut : {0, 1, 500}) {
+    WriteStringAtomically(dir / "old.raw", old.substr(0, old.size() - cut));
+    const RawIndex index = ReadRawIndex(dir / "old.raw");
+    EXPECT_EQ(index.serial, "SIM0001");
+    EXPECT_EQ(index.truncated, cut > 0);
+    ASSERT_EQ(index.records.size(), cut > 0 ? 2U : 3U);
+    EXPECT_EQ(ReadRawImage(dir / "old.raw", index.records[1]).pixels, Pixels(2));
+  }
 }
 
 TEST(RawFile, ATornTailLosesOnlyTheLastRecordWhereverItIsCut) {
   const TempDir dir;
   const std::string bytes = Record(dir / "a.raw", 3);
-  for (std::size_t size = 64; size < bytes.size(); size += 7) {
+  for (std::size_t size = kBlock; size < bytes.size(); size += 97) {
     WriteStringAtomically(dir / "cut.raw", bytes.substr(0, size));
     const RawIndex index = ReadRawIndex(dir / "cut.raw");
-    EXPECT_EQ(index.records.size(), (size - 64) / kRecordSize) << size;
-    EXPECT_EQ(index.truncated, (size - 64) % kRecordSize != 0) << size;
+    const std::size_t into = (size - kBlock) % kRecordSize;
+    const bool padding = into >= kBlock + kWidth * kHeight;  // the pixels are all there
+    EXPECT_EQ(index.records.size(), (size - kBlock) / kRecordSize + (padding ? 1 : 0)) << size;
+    EXPECT_EQ(index.truncated, into != 0 && !padding) << size;
   }
+}
+
+TEST(RawFile, PixelsThatStartAtABlockAreWrittenWithoutACopyAndStayUnchanged) {
+  const TempDir dir;
+  // As a camera's buffer: aligned, and longer than the image.
+  auto* memory = static_cast<std::uint8_t*>(std::aligned_alloc(kRawBlock, 3 * kRawBlock));
+  std::memset(memory, 0xee, 3 * kRawBlock);
+  std::memcpy(memory, Pixels(5).data(), kWidth * kHeight);
+  {
+    RawFileWriter writer(dir / "a.raw", "A");
+    EXPECT_EQ(writer.Append(HeaderOf(1), memory), Crc32(memory, kWidth * kHeight));
+    writer.Append(HeaderOf(2), memory + 1);
+    writer.Append(HeaderOf(3), memory);
+    writer.Close();
+  }
+  const RawIndex index = ReadRawIndex(dir / "a.raw");
+  ASSERT_EQ(index.records.size(), 3U);
+  EXPECT_EQ(ReadRawImage(dir / "a.raw", index.records[2]).pixels, Pixels(5));
+  const ImageU8 shifted = ReadRawImage(dir / "a.raw", index.records[1]);
+  EXPECT_EQ(std::memcmp(shifted.pixels.data(), memory + 1, shifted.pixels.size()), 0);
+  EXPECT_EQ(std::filesystem::file_size(dir / "a.raw"), kBlock + 3 * kRecordSize);
+  std::free(memory);
+}
+
+TEST(RawFile, ReservedRoomIsInvisibleAndGivenBack) {
+  const TempDir dir;
+  const auto blocks = [&](const std::filesystem::path& path) {
+    struct stat status {};
+    ::stat(path.c_str(), &status);
+    return static_cast<std::size_t>(status.st_blocks) * 512;
+  };
+  RawFileWriter writer(dir / "a.raw", "A", {.reserve_bytes = 8 << 20});
+  writer.Append(HeaderOf(1), Pixels(1).data());
+  const auto partial = dir / "a.raw.partial";
+  EXPECT_EQ(std::filesystem::file_size(partial), kBlock + kRecordSize);
+  EXPECT_FALSE(ReadRawIndex(partial).truncated);
+  EXPECT_EQ(ReadRawIndex(partial).skipped_bytes, 0U);
+  if (blocks(partial) < (8U << 20)) GTEST_SKIP() << "this file system cannot set room aside";
+  writer.Close();
+  EXPECT_LT(blocks(dir / "a.raw"), 64U << 10);
+}
+
+TEST(RawFile, DiscardChecksumsAndMakesNoFile) {
+  const TempDir dir;
+  RawFileWriter writer(dir / "a.raw", "A", {.discard = true});
+  const std::vector<std::uint8_t> pixels = Pixels(3);
+  EXPECT_EQ(writer.Append(HeaderOf(1), pixels.data()), Crc32(pixels.data(), pixels.size()));
+  writer.Close();
+  EXPECT_THROW(writer.Append(HeaderOf(2), pixels.data()), Error);
+  EXPECT_TRUE(std::filesystem::is_empty(dir.Path()));
+}
+
+TEST(RawFile, AZeroTailIsNoRecord) {
+  const TempDir dir;
+  const std::string bytes = Record(dir / "a.raw", 2) + std::string(5 * kBlock, '\0');
+  WriteStringAtomically(dir / "b.raw", bytes);
+  const RawIndex index = ReadRawIndex(dir / "b.raw");
+  EXPECT_EQ(index.records.size(), 2U);
+  EXPECT_EQ(index.end, kBlock + 2 * kRecordSize);
+  EXPECT_TRUE(index.truncated);
 }
 
 TEST(RawFile, AnUnclosedFileStaysAsPartialAndIsReadable) {
@@ -99,7 +206,7 @@ TEST(RawFile, AnUnclosedFileStaysAsPartialAndIsReadable) {
 TEST(RawFile, TheScanStepsOverADamagedHeader) {
   const TempDir dir;
   std::string bytes = Record(dir / "a.raw", 3);
-  bytes[64 + kRecordSize + 20] ^= 1;  // header of the second record
+  bytes[kBlock + kRecordSize + 20] ^= 1;  // header of the second record
   WriteStringAtomically(dir / "b.raw", bytes);
   const RawIndex index = ReadRawIndex(dir / "b.raw");
   ASSERT_EQ(index.records.size(), 2U);
@@ -112,11 +219,13 @@ TEST(RawFile, TheScanStepsOverADamagedHeader) {
 TEST(RawFile, DamagedPixelsAreFoundWhenRead) {
   const TempDir dir;
   std::string bytes = Record(dir / "a.raw", 2);
-  bytes[64 + kRecordSize + 64 + 100] ^= 1;
+  bytes[kBlock + kRecordSize + kBlock + 100] ^= 1;
   WriteStringAtomically(dir / "b.raw", bytes);
   const RawIndex index = ReadRawIndex(dir / "b.raw");
   ASSERT_EQ(index.records.size(), 2U);
   EXPECT_NO_THROW(ReadRawImage(dir / "b.raw", index.records[0]));
+  EXPECT_TRUE(CheckRawRecord(dir / "b.raw", index.records[0]));
+  EXPECT_FALSE(CheckRawRecord(dir / "b.raw", index.records[1]));
   EXPECT_THAT(ErrorOf([&] { ReadRawImage(dir / "b.raw", index.records[1]); }),
               HasSubstr("b.raw: record of trigger 2 fails its checksum"));
 }
@@ -149,7 +258,7 @@ TEST(RawFile, AFullDiskKeepsEarlierRecordsAndLaterOnesFollow) {
   RawFileWriter writer(dir / "a.raw", "A");
   writer.Append(HeaderOf(1), Pixels(1).data());
   {
-    const FileSizeLimit limit(64 + kRecordSize + kRecordSize / 2);
+    const FileSizeLimit limit(kBlock + kRecordSize + kRecordSize / 2 + 7);
     EXPECT_THAT(ErrorOf([&] { writer.Append(HeaderOf(2), Pixels(2).data()); }),
                 HasSubstr("cannot write"));
   }

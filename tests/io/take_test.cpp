@@ -99,6 +99,22 @@ TEST(TakeReader, ReadsTheFilesOfAnInterruptedRecording) {
   EXPECT_FALSE(reader.Read(2).images[0]);
 }
 
+TEST(TakeReader, ADamagedImageIsAbsentWithAWarning) {
+  const TempDir dir;
+  const TakePaths take = MakeTake(dir / "take");
+  const RawRecord record = ReadRawIndex(take.Raw("SIM0001")).records[1];
+  std::string bytes = ReadFile(take.Raw("SIM0001"));
+  bytes[record.payload_offset + 77] ^= 4;
+  WriteStringAtomically(take.Raw("SIM0001"), bytes);
+  std::vector<std::string> warnings;
+  const TakeReader reader(take.root, [&](const std::string& line) { warnings.push_back(line); });
+  EXPECT_EQ(reader.Read(0).images[0]->pixels, Picture(64, 64, 1).pixels);
+  EXPECT_FALSE(reader.Read(1).images[0]);
+  EXPECT_TRUE(reader.Read(2).images[0]);
+  ASSERT_EQ(warnings.size(), 1U);
+  EXPECT_THAT(warnings[0], HasSubstr("SIM0001.raw: record of trigger 2 fails its checksum"));
+}
+
 TEST(TakeReader, NamesWhatIsMissing) {
   const TempDir dir;
   EXPECT_THAT(ErrorOf([&] { TakeReader(dir / "none"); }), HasSubstr("none is not a take"));
