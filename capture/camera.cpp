@@ -6,8 +6,11 @@
 #include <array>
 #include <atomic>
 #include <cmath>
+#include <cstdlib>
+#include <cstring>
 #include <limits>
 #include <mutex>
+#include <new>
 #include <thread>
 #include <utility>
 
@@ -19,7 +22,7 @@
 namespace sole::capture {
 namespace {
 
-constexpr int kBuffers = 24;
+constexpr std::size_t kBufferAlignment = 4096;
 constexpr int kSocketBufferBytes = 8 << 20;
 constexpr unsigned kFrameRetentionUs =
     400'000;  // paced frames of many cameras take tens of milliseconds
@@ -131,6 +134,25 @@ std::uint32_t BigEndian32(const std::array<std::uint8_t, 8>& bytes, std::size_t 
   return value;
 }
 
+/// Memory for one frame that a disk can take without a copy: at a page, zeroed so that no page is
+/// missing when the frames come.
+ArvBuffer* AllocateBuffer(std::size_t payload) {
+  const std::size_t size = (payload + kBufferAlignment - 1) / kBufferAlignment * kBufferAlignment;
+  void* memory = std::aligned_alloc(kBufferAlignment, size);
+  if (memory == nullptr) throw std::bad_alloc();
+  std::memset(memory, 0, size);
+  return arv_buffer_new_full(payload, memory, memory, std::free);
+}
+
+/// Gives the buffer back to its stream when the last copy is gone.
+std::shared_ptr<const void> Hold(ArvStream* stream, ArvBuffer* buffer) {
+  g_object_ref(stream);
+  return {buffer, [stream, buffer](const void*) {
+            arv_stream_push_buffer(stream, buffer);
+            g_object_unref(stream);
+          }};
+}
+
 bool HoldsImage(ArvBuffer* buffer) {
   const ArvBufferStatus status = arv_buffer_get_status(buffer);
   const bool filled =
@@ -149,12 +171,12 @@ struct Camera::State {
     while (!stopping.load()) {
       ArvBuffer* buffer = arv_stream_timeout_pop_buffer(stream.get(), kPopTimeoutUs);
       if (buffer == nullptr) continue;
-      if (HoldsImage(buffer)) {
-        const CameraFrame frame = FrameFrom(buffer, ids.Unwrap(arv_buffer_get_frame_id(buffer)));
-        const std::lock_guard lock(handler_mutex);
-        if (handler) handler(frame);
-      }
-      arv_stream_push_buffer(stream.get(), buffer);
+      const std::shared_ptr<const void> hold = Hold(stream.get(), buffer);
+      if (!HoldsImage(buffer)) continue;
+      CameraFrame frame = FrameFrom(buffer, ids.Unwrap(arv_buffer_get_frame_id(buffer)));
+      frame.hold = hold;
+      const std::lock_guard lock(handler_mutex);
+      if (handler) handler(frame);
     }
   }
 
@@ -192,7 +214,7 @@ void Camera::Configure(const TriggerInput& trigger) {
   RequireSettings(state_->config, ApplySettings(trigger));
 }
 
-void Camera::Start() {
+void Camera::Start(int buffers) {
   Require(!state_->stream, Name(state_->config) + " is streaming already");
   GErrorGuard error;
   ArvCamera* camera = state_->camera.get();
@@ -205,9 +227,7 @@ void Camera::Start() {
   g_object_set(stream.get(), "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED,
                "socket-buffer-size", kSocketBufferBytes, "frame-retention", kFrameRetentionUs,
                "packet-request-ratio", 1.0, nullptr);
-  for (int i = 0; i < kBuffers; ++i) {
-    arv_stream_push_buffer(stream.get(), arv_buffer_new_allocate(payload));
-  }
+  for (int i = 0; i < buffers; ++i) arv_stream_push_buffer(stream.get(), AllocateBuffer(payload));
   arv_camera_start_acquisition(camera, error.Out());
   error.Check(Name(state_->config) + " does not start");
   {

@@ -12,7 +12,7 @@
 
 namespace sole::capture {
 
-/// A frame as it leaves the stream; `pixels` is valid during the call only.
+/// A frame as it leaves the stream. `pixels` is valid as long as `hold` or a copy of it lives.
 struct CameraFrame {
   std::int64_t frame_id = 0;         ///< unwrapped
   std::uint64_t device_time_ns = 0;  ///< camera clock; may be stale if not complete
@@ -20,7 +20,10 @@ struct CameraFrame {
   int width = 0;
   int height = 0;
   bool complete = false;                 ///< every packet arrived
-  std::span<const std::uint8_t> pixels;  ///< width * height bytes
+  std::span<const std::uint8_t> pixels;  ///< width * height bytes, from a multiple of 4096
+  /// The stream's buffer, which goes back to the camera when the last copy is gone: until then the
+  /// camera has one buffer less. Let go before the camera stops.
+  std::shared_ptr<const void> hold;
 };
 
 /// Called on the camera's consumer thread; must return well within a trigger period.
@@ -79,9 +82,9 @@ class Camera {
   /// The same; throws Error naming camera, setting and both values at the first mismatch.
   void Configure(const TriggerInput& trigger);
 
-  /// Starts streaming with buffers for about two seconds' worth of frames at 10 Hz. Frames go to
-  /// the handler.
-  void Start();
+  /// Starts streaming with `buffers` frames' worth of memory: what handlers may hold together, and
+  /// about two seconds at 10 Hz for the stream. Frames go to the handler.
+  void Start(int buffers = 24);
   /// Replaces the handler; returns when the old one is no longer running. Null discards frames.
   void SetHandler(FrameHandler handler);
   /// Stops streaming; the statistics stay.

@@ -13,7 +13,7 @@ CameraRecorder::CameraRecorder(Camera& camera, const CameraSync& sync, const Tri
     : camera_(camera),
       log_(log),
       options_(std::move(options)),
-      file_(options_.path, camera.Config().serial),
+      file_(options_.path, camera.Config().serial, {.discard = options_.discard}),
       matcher_(sync, options_.period_ns),
       holding_(options_.hold_frames > 0) {
   counts_.serial = camera.Config().serial;
@@ -96,34 +96,23 @@ void CameraRecorder::OnFrame(const CameraFrame& frame) {
 }
 
 void CameraRecorder::Enqueue(const CameraFrame& frame, const FrameMatch& match) {
-  Frame queued;
+  const io::RawRecordHeader header{.trigger = match.edge.sequence,
+                                   .frame_id = static_cast<std::uint64_t>(frame.frame_id),
+                                   .device_time_ns = frame.device_time_ns,
+                                   .host_time_ns = frame.host_time_ns,
+                                   .width = static_cast<std::uint32_t>(frame.width),
+                                   .height = static_cast<std::uint32_t>(frame.height),
+                                   .status = frame.complete ? 0U : 1U,
+                                   .kind = match.edge.kind};
   {
     const std::lock_guard lock(mutex_);
     if (holding_) {
-      while (static_cast<int>(queue_.size()) >= options_.hold_frames) {
-        spare_.push_back(std::move(queue_.front().pixels));
-        queue_.pop_front();
-      }
+      while (static_cast<int>(queue_.size()) >= options_.hold_frames) queue_.pop_front();
     } else if (static_cast<int>(queue_.size()) >= options_.hold_frames + options_.queue_frames) {
       ++counts_.dropped;
       return;
     }
-    if (!spare_.empty()) {
-      queued.pixels = std::move(spare_.back());
-      spare_.pop_back();
-    }
-  }
-  queued.header = {.trigger = match.edge.sequence,
-                   .frame_id = static_cast<std::uint64_t>(frame.frame_id),
-                   .device_time_ns = frame.device_time_ns,
-                   .host_time_ns = frame.host_time_ns,
-                   .width = static_cast<std::uint32_t>(frame.width),
-                   .height = static_cast<std::uint32_t>(frame.height),
-                   .status = frame.complete ? 0U : 1U};
-  queued.pixels.assign(frame.pixels.begin(), frame.pixels.end());
-  {
-    const std::lock_guard lock(mutex_);
-    queue_.push_back(std::move(queued));
+    queue_.push_back({header, frame.pixels, frame.hold});
   }
   changed_.notify_one();
 }
@@ -144,16 +133,15 @@ void CameraRecorder::Write() {
     if (!failed) {
       try {
         next.header.trigger -= first - 1;
-        file_.Append(next.header, next.pixels.data());
+        const std::uint32_t crc = file_.Append(next.header, next.pixels.data());
         stored_triggers_[next.header.trigger] = next.header.status == 0;
         ++stored_;
+        if (options_.on_stored) options_.on_stored(next.header, crc);
       } catch (const std::exception& error) {
         failed = true;  // what still comes is counted as lost
         if (options_.on_failure) options_.on_failure(error.what());
       }
     }
-    const std::lock_guard lock(mutex_);
-    spare_.push_back(std::move(next.pixels));
   }
 }
 

@@ -7,8 +7,10 @@
 #include <filesystem>
 #include <functional>
 #include <map>
+#include <memory>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <string>
 #include <thread>
 #include <vector>
@@ -21,9 +23,9 @@
 namespace sole::capture {
 
 /// Stores one camera's frames: matches them to triggers on the camera's consumer thread and hands
-/// them through a bounded queue to a writer thread, so that a slow disk costs dropped frames, which
-/// are counted, and never stalls the stream. With hold_frames the queue is a ring in memory until
-/// Release says which trigger is the take's first.
+/// them, in the stream's own buffers, through a bounded queue to a writer thread, so that a slow disk
+/// costs dropped frames, which are counted, and never stalls the stream. With hold_frames the queue
+/// is a ring in memory until Release says which trigger is the take's first.
 class CameraRecorder {
  public:
   struct Options {
@@ -31,9 +33,12 @@ class CameraRecorder {
     int queue_frames = 32;
     int hold_frames = 0;  ///< > 0: the newest that many wait in memory for Release
     std::int64_t period_ns = 0;  ///< shortest time between triggers
+    bool discard = false;        ///< checksums frames, stores none
     std::function<void(const std::string&)> on_failure;  ///< the disk refused; called once
     /// Every frame of a trigger as it arrives, on the consumer thread.
     std::function<void(const CameraFrame&, const FrameMatch&)> on_frame{};
+    /// Every stored frame with the CRC-32 of its pixels, on the writer thread.
+    std::function<void(const io::RawRecordHeader&, std::uint32_t)> on_stored{};
   };
   /// Creates the file and takes over the camera's handler. Throws Error if the file cannot be
   /// created.
@@ -63,7 +68,8 @@ class CameraRecorder {
  private:
   struct Frame {
     io::RawRecordHeader header;
-    std::vector<std::uint8_t> pixels;
+    std::span<const std::uint8_t> pixels;
+    std::shared_ptr<const void> hold;  ///< of the pixels
   };
   void OnFrame(const CameraFrame& frame);
   void Enqueue(const CameraFrame& frame, const FrameMatch& match);
@@ -85,7 +91,6 @@ class CameraRecorder {
   mutable std::mutex mutex_;  ///< of the queue
   std::condition_variable changed_;
   std::deque<Frame> queue_;
-  std::vector<std::vector<std::uint8_t>> spare_;
   bool holding_ = false;
   bool finishing_ = false;
   std::thread writer_;

@@ -17,6 +17,7 @@ namespace sole::capture {
 namespace {
 
 constexpr std::int64_t kMs = 1'000'000;
+constexpr int kStreamBuffers = 16;  // beyond those that wait for the disk
 constexpr std::int64_t kTailQuietNs = 1'500 * kMs;  // longer than any resend
 constexpr std::int64_t kTriggersFileEveryNs = 1'000 * kMs;
 constexpr std::int64_t kProgressEveryNs = 100 * kMs;
@@ -36,7 +37,7 @@ class Session {
   Session(const RigConfig& config, const RecordOptions& options)
       : config_(config),
         options_(options),
-        folder_(options.directory, BytesNeeded(config, options.triggers)),
+        folder_(options.directory, options.discard ? 0 : BytesNeeded(config, options.triggers)),
         period_ns_(PeriodNs(config.trigger)) {}
   ~Session() {
     recorders_.clear();
@@ -68,7 +69,7 @@ class Session {
       cameras_.push_back(std::make_unique<Camera>(camera));
     for (const auto& camera : cameras_) camera->Configure(input);
     trigger_ = MakeTrigger(config_, cameras_);
-    for (const auto& camera : cameras_) camera->Start();
+    for (const auto& camera : cameras_) camera->Start(options_.queue_frames + kStreamBuffers);
   }
 
   std::vector<WarmUpAnswer> WarmUpCameras() {
@@ -107,9 +108,19 @@ class Session {
               .path = folder_.Paths().Raw(config_.cameras[i].serial),
               .queue_frames = options_.queue_frames,
               .period_ns = period_ns_,
-              .on_failure = [this](const std::string& message) { Fail(message); }}));
+              .discard = options_.discard,
+              .on_failure = [this](const std::string& message) { Fail(message); },
+              .on_stored = StoredFrames(config_.cameras[i].serial)}));
     }
     silent_.assign(cameras_.size(), false);
+  }
+
+  std::function<void(const io::RawRecordHeader&, std::uint32_t)> StoredFrames(
+      const std::string& serial) const {
+    if (!options_.on_stored) return {};
+    return [this, serial](const io::RawRecordHeader& header, std::uint32_t crc) {
+      options_.on_stored(serial, header, crc);
+    };
   }
 
   void Fail(const std::string& message) {

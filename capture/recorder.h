@@ -10,6 +10,7 @@
 #include "capture/trigger.h"
 #include "core/frame_set.h"
 #include "core/rig_config.h"
+#include "io/raw_file.h"
 
 namespace sole::capture {
 
@@ -35,6 +36,11 @@ struct RecordOptions {
   const std::atomic<bool>* stop =
       nullptr;  ///< set it (from a signal handler, say) to end the take early
   std::function<void(const RecordProgress&)> progress;  ///< called about ten times a second
+  bool discard = false;  ///< checksums every frame but stores no images: for measuring
+  /// Every stored frame of the camera `serial` with the CRC-32 of its pixels; called from the
+  /// cameras' writer threads at once.
+  std::function<void(const std::string& serial, const io::RawRecordHeader&, std::uint32_t)>
+      on_stored;
   LogFunction log;  ///< warnings, one line each; may be called from several threads at once
 };
 

@@ -3,6 +3,7 @@
 #include "capture/take_folder_internal.h"
 #include "core/error.h"
 #include "io/atomic_file.h"
+#include "io/raw_file.h"
 
 namespace sole::capture {
 
@@ -65,7 +66,7 @@ TakeFolder::~TakeFolder() {
 double BytesNeeded(const RigConfig& config, std::int64_t triggers) {
   double bytes = 0;
   for (const CameraConfig& camera : config.cameras)
-    bytes += static_cast<double>(camera.width) * camera.height + 128;
+    bytes += static_cast<double>(camera.width) * camera.height + 2 * io::kRawBlock;
   return bytes * static_cast<double>(triggers);
 }
 

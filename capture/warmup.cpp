@@ -64,6 +64,7 @@ class Inboxes {
       ++inbox.frames;
       inbox.last = frame;
       inbox.last.pixels = {};
+      inbox.last.hold = {};
     } else {
       ++inbox.incomplete;
     }
