@@ -6,6 +6,8 @@
 #include <limits>
 #include <string>
 
+#include <ceres/ceres.h>
+
 #include "calib/covariance_internal.h"
 #include "calib/refractive_cost_internal.h"
 #include "core/error.h"
@@ -77,15 +79,10 @@ class Adjustment {
   /// Residual of a term in sigmas; not finite behind the camera.
   Eigen::Vector2d Residual(const Term& term) const {
     const std::array<double, kPoseSize> zero{};
-    const double* intrinsics = state_.cameras[At(term.camera)].intrinsics.data();
+    const Eigen::Vector3d point = term.frame < 0 ? FiducialPoint(term) : TargetPoint(term);
     Eigen::Vector2d r = Eigen::Vector2d::Constant(std::numeric_limits<double>::infinity());
-    if (term.frame < 0) {
-      FiducialOf(term)(zero.data(), intrinsics,
-                       state_.fiducial_offset_m[At(term.seen.point / 4)].data(),
-                       &state_.plate.thickness_m, r.data());
-    } else {
-      TargetOf(term)(zero.data(), intrinsics, zero.data(), &state_.plate.thickness_m, r.data());
-    }
+    ProjectionOf(term).Evaluate(zero.data(), state_.cameras[At(term.camera)].intrinsics.data(),
+                                state_.plate.thickness_m, point, r.data(), nullptr);
     return r;
   }
 
@@ -108,12 +105,13 @@ class Adjustment {
     return Body(state_.world_from_body.size()) + 2 * fiducial;
   }
 
-  TargetResidual TargetOf(const Term& term) const {
-    return {ProjectionOf(term), state_.world_from_body[At(term.frame)],
-            target_corners_[At(term.seen.point)]};
+  Eigen::Vector3d TargetPoint(const Term& term) const {
+    return state_.world_from_body[At(term.frame)] * target_corners_[At(term.seen.point)];
   }
-  FiducialResidual FiducialOf(const Term& term) const {
-    return {ProjectionOf(term), fiducial_corners_[At(term.seen.point)]};
+  Eigen::Vector3d FiducialPoint(const Term& term) const {
+    Eigen::Vector3d point = fiducial_corners_[At(term.seen.point)];
+    point.head<2>() += state_.fiducial_offset_m[At(term.seen.point / 4)];
+    return point;
   }
   RefractedResidual ProjectionOf(const Term& term) const {
     return {term.seen.pixel, term.seen.sigma_px, state_.plate.index,
@@ -135,11 +133,14 @@ class Adjustment {
       double* pose = Pose(At(term.camera));
       double* intrinsics = IntrinsicsOf(At(term.camera));
       if (term.frame >= 0) {
-        problem.AddResidualBlock(TargetResidual::Create(TargetOf(term)), loss, pose, intrinsics,
-                                 Body(At(term.frame)), Thickness());
+        problem.AddResidualBlock(
+            new TargetCost(ProjectionOf(term), state_.world_from_body[At(term.frame)],
+                           target_corners_[At(term.seen.point)]),
+            loss, pose, intrinsics, Body(At(term.frame)), Thickness());
       } else {
-        problem.AddResidualBlock(FiducialResidual::Create(FiducialOf(term)), loss, pose, intrinsics,
-                                 Offset(At(term.seen.point / 4)), Thickness());
+        problem.AddResidualBlock(
+            new FiducialCost(ProjectionOf(term), fiducial_corners_[At(term.seen.point)]), loss,
+            pose, intrinsics, Offset(At(term.seen.point / 4)), Thickness());
       }
     }
     for (std::size_t i = 0; i < state_.fiducial_offset_m.size(); ++i) {

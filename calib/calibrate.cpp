@@ -10,6 +10,7 @@
 
 #include "calib/judge.h"
 #include "calib/start_values.h"
+#include "calib/verdict.h"
 #include "core/error.h"
 
 namespace sole::calib {
@@ -156,16 +157,19 @@ TakeObservations Observe(const RigConfig& config, FrameSource& takes,
   return texture.frames.empty() ? speckle : texture;
 }
 
-Calibration CalibrateFromObservations(const RigConfig& config, const TakeObservations& observations,
+Calibration CalibrateFromObservations(const RigConfig& rig_config,
+                                      const TakeObservations& observations,
                                       const CalibrateOptions& options) {
-  Validate(config);
+  Validate(rig_config);
+  RigConfig config = rig_config;
+  if (options.ignore_plate) config.plate.index = 1;
   RequireEnough(config, observations, options);
   const std::vector<Eigen::Vector3d> corners = TargetCorners(TargetOf(config).body);
   const std::vector<Eigen::Vector3d> fiducials = FiducialCornerPoints(config.plate);
   const Split split = Divide(config, observations, options);
   const AdjustState start = StartValues(config, split.adjust, corners, fiducials);
   const AdjustResult adjusted = Adjust(start, split.adjust, corners, fiducials, options.adjust);
-  RequireAgreement(adjusted, options);
+  if (!options.ignore_plate) RequireAgreement(adjusted, options);
 
   Calibration result;
   result.rig.cameras = adjusted.state.cameras;
@@ -174,19 +178,27 @@ Calibration CalibrateFromObservations(const RigConfig& config, const TakeObserva
     result.rig.pairs.push_back(
         {pair.name, CameraIndex(config, pair.left), CameraIndex(config, pair.right)});
   }
-  result.rig.rig_hash = RigIdentityHash(config);
-  const LengthErrors air = JudgeTarget(result.rig, ViewSide::kAir, split.heldout, corners);
-  const LengthErrors glass = JudgeTarget(result.rig, ViewSide::kGlass, split.heldout, corners);
+  result.rig.rig_hash = RigIdentityHash(rig_config);
+  const TargetErrors heldout = JudgeTarget(result.rig, split.heldout, corners);
   CalibrationStats& stats = result.stats;
   stats.reprojection_rms_px = adjusted.reprojection_rms_px;
   stats.camera_rms_px = adjusted.camera_rms_px;
   stats.camera_corners = adjusted.camera_corners;
-  stats.heldout_rms_air_mm = air.rms_mm;
-  stats.heldout_rms_glass_mm = glass.rms_mm;
-  stats.heldout_max_mm = std::max(air.max_mm, glass.max_mm);
+  stats.heldout_rms_air_mm = heldout.air.rms_mm;
+  stats.heldout_rms_glass_mm = heldout.glass.rms_mm;
+  stats.heldout_rms_across_mm = heldout.across.rms_mm;
+  stats.heldout_max_mm =
+      std::max({heldout.air.max_mm, heldout.glass.max_mm, heldout.across.max_mm});
+  stats.heldout_points = heldout.points;
+  stats.heldout_rejected = heldout.air.rejected + heldout.glass.rejected;
   stats.ground_rms_mm = JudgeGround(result.rig, split.adjust).rms_mm;
   stats.poses_used = static_cast<int>(split.adjust.frames.size());
   stats.poses_heldout = static_cast<int>(split.heldout.frames.size());
+  for (const PairErrors& pair : JudgePairs(result.rig, split.heldout, corners)) {
+    stats.pair_offset_mm.push_back(pair.offset_mm);
+    stats.pair_epipolar_px.push_back(pair.epipolar_px);
+  }
+  stats.failures = Failures(result.rig, stats, options.limits);
   result.covariance = adjusted.covariance;
   result.created = NowUtc();
   return result;

@@ -3,6 +3,7 @@
 #include "calib/adjust.h"
 #include "calib/detect.h"
 #include "calib/observations.h"
+#include "calib/verdict.h"
 #include "core/frame_set.h"
 #include "core/rig.h"
 #include "core/rig_config.h"
@@ -12,6 +13,8 @@ namespace sole::calib {
 struct CalibrateOptions {
   DetectOptions detect;
   AdjustOptions adjust;
+  CalibrationLimits limits;
+  bool ignore_plate = false;  ///< as if there were no glass: shows what that costs, fails honestly
   int heldout_every = 5;      ///< every fifth pose of the target judges instead of being adjusted
   int min_poses = 6;          ///< usable poses without which no calibration is tried
   int min_camera_frames = 3;  ///< frames in which every camera must see the target

@@ -2,10 +2,12 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <map>
+#include <optional>
 
 namespace sole::calib {
 namespace {
@@ -63,33 +65,139 @@ Eigen::Vector3d NearestPoint(std::span<const Ray> rays) {
   return normal.ldlt().solve(right);
 }
 
-LengthErrors JudgeTarget(const Rig& rig, ViewSide side, const TakeObservations& heldout,
-                         const std::vector<Eigen::Vector3d>& target_corners, double reject_px) {
-  ErrorSum sum;
-  for (const auto& frame : heldout.frames) {
-    std::map<int, std::vector<Seen>> corners;
-    for (std::size_t c = 0; c < frame.size(); ++c) {
-      if (LooksThroughPlate(rig.cameras[c], rig.plate) != (side == ViewSide::kGlass)) continue;
-      for (const PointObservation& o : frame[c].target) corners[o.point].push_back({c, o.pixel});
-    }
-    std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> found;  // measured, true in the body
-    for (const auto& [corner, views] : corners) {
-      if (views.size() < 2) continue;
-      const Eigen::Vector3d point = Triangulate(rig, views, reject_px);
-      if (point.allFinite()) {
-        found.emplace_back(point, target_corners[static_cast<std::size_t>(corner)]);
-      } else {
-        ++sum.errors.rejected;
-      }
-    }
-    for (std::size_t i = 0; i < found.size(); ++i) {
-      for (std::size_t j = i + 1; j < found.size(); ++j) {
-        sum.Add((found[i].first - found[j].first).norm() -
-                (found[i].second - found[j].second).norm());
-      }
+namespace {
+
+/// A corner as it was measured, and where it is in the body.
+struct Corner {
+  Eigen::Vector3d world, body;
+};
+
+std::vector<Corner> CornersSeenFrom(const Rig& rig, bool below,
+                                    const std::vector<ViewObservations>& frame,
+                                    const std::vector<Eigen::Vector3d>& target_corners,
+                                    double reject_px, int& points, int& rejected) {
+  std::map<int, std::vector<Seen>> seen;
+  for (std::size_t c = 0; c < frame.size(); ++c) {
+    if (LooksThroughPlate(rig.cameras[c], rig.plate) != below) continue;
+    for (const PointObservation& o : frame[c].target) seen[o.point].push_back({c, o.pixel});
+  }
+  std::vector<Corner> corners;
+  for (const auto& [corner, views] : seen) {
+    if (views.size() < 2) continue;
+    ++points;
+    const Eigen::Vector3d point = Triangulate(rig, views, reject_px);
+    if (point.allFinite()) {
+      corners.push_back({point, target_corners[static_cast<std::size_t>(corner)]});
+    } else {
+      ++rejected;
     }
   }
-  return sum.Result();
+  return corners;
+}
+
+double LengthError(const Corner& a, const Corner& b) {
+  return (a.world - b.world).norm() - (a.body - b.body).norm();
+}
+
+void AddLengths(const std::vector<Corner>& corners, ErrorSum& sum) {
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    for (std::size_t j = i + 1; j < corners.size(); ++j) sum.Add(LengthError(corners[i], corners[j]));
+  }
+}
+
+}  // namespace
+
+TargetErrors JudgeTarget(const Rig& rig, const TakeObservations& heldout,
+                         const std::vector<Eigen::Vector3d>& target_corners, double reject_px) {
+  ErrorSum air, glass, across;
+  int points = 0;
+  for (const auto& frame : heldout.frames) {
+    const std::vector<Corner> above = CornersSeenFrom(rig, false, frame, target_corners, reject_px,
+                                                      points, air.errors.rejected);
+    const std::vector<Corner> below = CornersSeenFrom(rig, true, frame, target_corners, reject_px,
+                                                      points, glass.errors.rejected);
+    AddLengths(above, air);
+    AddLengths(below, glass);
+    for (const Corner& a : above) {
+      for (const Corner& b : below) across.Add(LengthError(a, b));
+    }
+  }
+  return {air.Result(), glass.Result(), across.Result(), points};
+}
+
+namespace {
+
+/// Corners of one frame that `use` says a camera may show, triangulated from two or more views.
+template <typename Use>
+std::map<int, std::vector<Seen>> ViewsOf(const std::vector<ViewObservations>& frame, const Use& use) {
+  std::map<int, std::vector<Seen>> views;
+  for (std::size_t c = 0; c < frame.size(); ++c) {
+    if (!use(static_cast<int>(c))) continue;
+    for (const PointObservation& o : frame[c].target) views[o.point].push_back({c, o.pixel});
+  }
+  std::erase_if(views, [](const auto& entry) { return entry.second.size() < 2; });
+  return views;
+}
+
+/// Pose of the body from corners triangulated by all cameras; empty for fewer than four.
+std::optional<Rigid3> BodyPose(const Rig& rig, const std::vector<ViewObservations>& frame,
+                               const std::vector<Eigen::Vector3d>& target_corners,
+                               double reject_px) {
+  std::vector<Corner> found;
+  for (const auto& [corner, views] : ViewsOf(frame, [](int) { return true; })) {
+    const Eigen::Vector3d point = Triangulate(rig, views, reject_px);
+    if (point.allFinite()) found.push_back({point, target_corners[static_cast<std::size_t>(corner)]});
+  }
+  if (found.size() < 4) return {};
+  Eigen::Matrix3Xd body(3, found.size()), world(3, found.size());
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    body.col(static_cast<Eigen::Index>(i)) = found[i].body;
+    world.col(static_cast<Eigen::Index>(i)) = found[i].world;
+  }
+  const Eigen::Matrix4d pose = Eigen::umeyama(body, world, false);
+  return Rigid3{Eigen::Quaterniond(pose.topLeftCorner<3, 3>()), pose.topRightCorner<3, 1>()};
+}
+
+constexpr double kNotJudged = std::numeric_limits<double>::quiet_NaN();
+
+}  // namespace
+
+std::vector<PairErrors> JudgePairs(const Rig& rig, const TakeObservations& heldout,
+                                   const std::vector<Eigen::Vector3d>& target_corners,
+                                   double reject_px) {
+  constexpr int kLeastCorners = 4;
+  std::vector<PairErrors> errors;
+  for (const StereoPair& pair : rig.pairs) {
+    double offsets = 0, misses = 0;
+    int poses = 0, points = 0;
+    for (const auto& frame : heldout.frames) {
+      const auto views =
+          ViewsOf(frame, [&](int c) { return c == pair.left || c == pair.right; });
+      if (static_cast<int>(views.size()) < kLeastCorners) continue;
+      const std::optional<Rigid3> pose = BodyPose(rig, frame, target_corners, reject_px);
+      if (!pose) continue;
+      Eigen::Vector3d offset = Eigen::Vector3d::Zero();
+      int corners = 0;
+      for (const auto& [corner, seen] : views) {
+        const Eigen::Vector3d point = Triangulate(rig, seen, 10 * reject_px);
+        if (!point.allFinite()) continue;
+        double miss = 0;  // half of the distance in either image
+        for (const Seen& view : seen) {
+          miss += (PixelFromWorld(rig.cameras[view.camera], rig.plate, point) - view.pixel).norm();
+        }
+        misses += miss * miss;
+        ++points;
+        offset += point - *pose * target_corners[static_cast<std::size_t>(corner)];
+        ++corners;
+      }
+      if (corners < kLeastCorners) continue;
+      offsets += (offset / corners).squaredNorm();
+      ++poses;
+    }
+    errors.push_back({poses > 0 ? 1000 * std::sqrt(offsets / poses) : kNotJudged,
+                      points > 0 ? std::sqrt(misses / points) : kNotJudged});
+  }
+  return errors;
 }
 
 LengthErrors JudgeGround(const Rig& rig, const TakeObservations& take, double reject_px) {

@@ -1,11 +1,11 @@
 #pragma once
 
-#include <ceres/ceres.h>
-#include <ceres/rotation.h>
+#include <ceres/autodiff_cost_function.h>
+#include <ceres/sized_cost_function.h>
 
 #include <Eigen/Core>
 
-#include "core/plate.h"
+#include "core/camera.h"
 #include "core/rigid3.h"
 
 namespace sole::calib {
@@ -15,37 +15,7 @@ namespace sole::calib {
 /// the covariance at d = 0 is that of a small rotation on the left.
 inline constexpr int kPoseSize = 6;
 
-template <typename T>
-Eigen::Matrix<T, 3, 1> Apply(const Rigid3& reference, const T* d,
-                             const Eigen::Matrix<T, 3, 1>& point) {
-  const Eigen::Matrix<T, 3, 1> rotated = reference.rotation.cast<T>() * point;
-  Eigen::Matrix<T, 3, 1> moved;
-  ceres::AngleAxisRotatePoint(d, rotated.data(), moved.data());
-  return moved + reference.translation.cast<T>() + Eigen::Map<const Eigen::Matrix<T, 3, 1>>(d + 3);
-}
-
-/// Camera centre of cam_from_world varied by d: -R^T t.
-template <typename T>
-Eigen::Matrix<T, 3, 1> CentreOf(const Rigid3& reference, const T* d) {
-  const Eigen::Matrix<T, 3, 1> t =
-      reference.translation.cast<T>() + Eigen::Map<const Eigen::Matrix<T, 3, 1>>(d + 3);
-  const T inverse[3] = {-d[0], -d[1], -d[2]};
-  Eigen::Matrix<T, 3, 1> unrotated;
-  ceres::AngleAxisRotatePoint(inverse, t.data(), unrotated.data());
-  return -(reference.rotation.conjugate().cast<T>() * unrotated);
-}
-
-inline Rigid3 Moved(const Rigid3& reference, const double* d) {
-  const Eigen::Vector3d w(d[0], d[1], d[2]);
-  const double angle = w.norm();
-  Rigid3 moved = reference;
-  if (angle > 0) {
-    moved.rotation =
-        (Eigen::Quaterniond(Eigen::AngleAxisd(angle, w / angle)) * reference.rotation).normalized();
-  }
-  moved.translation += Eigen::Vector3d(d[3], d[4], d[5]);
-  return moved;
-}
+Rigid3 Moved(const Rigid3& reference, const double* d);
 
 /// Residual of one image point over its sigma, the exact projection through the plate.
 struct RefractedResidual {
@@ -54,56 +24,41 @@ struct RefractedResidual {
   double index;
   Rigid3 cam_from_world;
 
-  template <typename T>
-  bool Evaluate(const T* camera, const T* intrinsics, const T* thickness,
-                const Eigen::Matrix<T, 3, 1>& point_in_world, T* residual) const {
-    const Eigen::Matrix<T, 3, 1> apparent =
-        ApparentPoint<T>(*thickness, T(index), CentreOf(cam_from_world, camera), point_in_world);
-    const Eigen::Matrix<T, 3, 1> point_in_cam = Apply(cam_from_world, camera, apparent);
-    if (!(point_in_cam.z() > T(1e-3))) return false;
-    const Eigen::Matrix<T, 2, 1> projected = PixelFromPointInCam<T>(intrinsics, point_in_cam);
-    residual[0] = (projected.x() - pixel.x()) / sigma_px;
-    residual[1] = (projected.y() - pixel.y()) / sigma_px;
-    return true;
-  }
+  struct Jacobian {
+    Eigen::Matrix<double, 2, kPoseSize> camera;
+    Eigen::Matrix<double, 2, kNumIntrinsics> intrinsics;
+    Eigen::Matrix<double, 2, 3> point_in_world;
+    Eigen::Vector2d thickness;
+  };
+
+  /// False behind the camera. Derivatives are analytic; `jacobian` may be null.
+  bool Evaluate(const double* camera, const double* intrinsics, double thickness,
+                const Eigen::Vector3d& point_in_world, double* residual, Jacobian* jacobian) const;
 };
 
-/// A corner of the target: camera pose 6, intrinsics 9, target pose 6, thickness 1.
-struct TargetResidual {
-  RefractedResidual projection;
-  Rigid3 world_from_body;
-  Eigen::Vector3d point_in_body;
+/// A corner of the target. Blocks: camera pose 6, intrinsics 9, target pose 6, thickness 1.
+class TargetCost final : public ceres::SizedCostFunction<2, kPoseSize, kNumIntrinsics, kPoseSize, 1> {
+ public:
+  TargetCost(const RefractedResidual& projection, const Rigid3& world_from_body,
+             const Eigen::Vector3d& point_in_body);
+  bool Evaluate(double const* const* blocks, double* residual, double** jacobians) const override;
 
-  template <typename T>
-  bool operator()(const T* camera, const T* intrinsics, const T* body, const T* thickness,
-                  T* residual) const {
-    const Eigen::Matrix<T, 3, 1> in_body = point_in_body.cast<T>();
-    return projection.Evaluate<T>(camera, intrinsics, thickness,
-                                  Apply<T>(world_from_body, body, in_body), residual);
-  }
-  static ceres::CostFunction* Create(const TargetResidual& residual) {
-    return new ceres::AutoDiffCostFunction<TargetResidual, 2, kPoseSize, kNumIntrinsics, kPoseSize,
-                                           1>(new TargetResidual(residual));
-  }
+ private:
+  RefractedResidual projection_;
+  Rigid3 world_from_body_;
+  Eigen::Vector3d point_in_body_;
 };
 
-/// A corner of a fiducial on the glass top: camera pose 6, intrinsics 9, offset of the fiducial 2,
-/// thickness 1.
-struct FiducialResidual {
-  RefractedResidual projection;
-  Eigen::Vector3d point_in_world;
+/// A corner of a fiducial on the glass top. Blocks: camera pose 6, intrinsics 9, offset of the
+/// fiducial 2, thickness 1.
+class FiducialCost final : public ceres::SizedCostFunction<2, kPoseSize, kNumIntrinsics, 2, 1> {
+ public:
+  FiducialCost(const RefractedResidual& projection, const Eigen::Vector3d& point_in_world);
+  bool Evaluate(double const* const* blocks, double* residual, double** jacobians) const override;
 
-  template <typename T>
-  bool operator()(const T* camera, const T* intrinsics, const T* offset, const T* thickness,
-                  T* residual) const {
-    const Eigen::Matrix<T, 3, 1> point(point_in_world.x() + offset[0],
-                                       point_in_world.y() + offset[1], T(point_in_world.z()));
-    return projection.Evaluate<T>(camera, intrinsics, thickness, point, residual);
-  }
-  static ceres::CostFunction* Create(const FiducialResidual& residual) {
-    return new ceres::AutoDiffCostFunction<FiducialResidual, 2, kPoseSize, kNumIntrinsics, 2, 1>(
-        new FiducialResidual(residual));
-  }
+ private:
+  RefractedResidual projection_;
+  Eigen::Vector3d point_in_world_;
 };
 
 /// (x - mean) / sigma of every value of a block.

@@ -116,8 +116,7 @@ std::optional<Rigid3> PoseFromFiducials(AdjustState state, std::size_t camera,
     for (int iteration = 0; iteration < 3; ++iteration) {
       std::vector<Eigen::Vector3d> apparent;
       for (const auto& point : world) {
-        apparent.push_back(ApparentPoint<double>(state.plate.thickness_m, state.plate.index,
-                                                 pose.Inverse().translation, point));
+        apparent.push_back(ApparentPoint(state.plate, pose.Inverse().translation, point));
       }
       const std::vector<Rigid3> again = SolvePnp(state.cameras[camera], apparent, pixels);
       if (again.empty()) break;

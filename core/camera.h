@@ -38,11 +38,22 @@ Eigen::Matrix<T, 2, 1> Distort(const T* k, const Eigen::Matrix<T, 2, 1>& n) {
 template <typename T>
 Eigen::Matrix<T, 2, 1> PixelFromPointInCam(const T* intrinsics,
                                            const Eigen::Matrix<T, 3, 1>& point_in_cam) {
-  const Eigen::Matrix<T, 2, 1> normalized(point_in_cam.x() / point_in_cam.z(),
-                                          point_in_cam.y() / point_in_cam.z());
+  const T inverse_depth = T(1) / point_in_cam.z();
+  const Eigen::Matrix<T, 2, 1> normalized(point_in_cam.x() * inverse_depth,
+                                          point_in_cam.y() * inverse_depth);
   const Eigen::Matrix<T, 2, 1> distorted = Distort(intrinsics + 4, normalized);
   return {intrinsics[0] * distorted.x() + intrinsics[2], intrinsics[1] * distorted.y() + intrinsics[3]};
 }
+
+/// Derivative of Distort by its coordinates.
+Eigen::Matrix2d DistortJacobian(const double* k, const Eigen::Vector2d& n);
+
+/// Derivatives of PixelFromPointInCam.
+struct PixelJacobian {
+  Eigen::Matrix<double, 2, 3> point_in_cam;
+  Eigen::Matrix<double, 2, kNumIntrinsics> intrinsics;
+};
+PixelJacobian PixelJacobianAt(const double* intrinsics, const Eigen::Vector3d& point_in_cam);
 
 /// Undistorted normalised coordinates of a pixel, by Newton's method to 1e-12 (inverse of the above).
 Eigen::Vector2d NormalizedFromPixel(const Intrinsics& intrinsics, const Eigen::Vector2d& pixel);

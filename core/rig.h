@@ -37,10 +37,16 @@ struct CalibrationStats {
   std::vector<int> camera_corners;    ///< observations per camera
   double heldout_rms_air_mm = 0;      ///< distances on held-out target poses, cameras above the plate
   double heldout_rms_glass_mm = 0;    ///< the same, cameras below
-  double heldout_max_mm = 0;
+  double heldout_rms_across_mm = 0;   ///< from points seen above to points seen below
+  double heldout_max_mm = 0;          ///< of all these distances
+  int heldout_points = 0;             ///< held-out points seen by two cameras of one side
+  int heldout_rejected = 0;           ///< held-out points whose rays miss each other
   double ground_rms_mm = 0;           ///< distance of triangulated fiducials to z = 0
   int poses_used = 0;
   int poses_heldout = 0;
+  std::vector<double> pair_offset_mm;    ///< of the held-out body as each pair sees it; NaN: unseen
+  std::vector<double> pair_epipolar_px;  ///< RMS miss of held-out points by epipolar curves
+  std::vector<std::string> failures;  ///< why it must not be used, in words; empty: it passed
 };
 
 /// A calibration with its uncertainty. The covariance is of the stacked parameters, per camera

@@ -9,7 +9,7 @@
 namespace sole::io {
 namespace {
 
-constexpr int kVersion = 1;
+constexpr int kVersion = 2;
 constexpr std::array kIntrinsicNames{"fx_px", "fy_px", "cx_px", "cy_px", "k1",
                                      "k2",    "p1",    "p2",    "k3"};
 static_assert(kIntrinsicNames.size() == kNumIntrinsics);
@@ -84,21 +84,34 @@ Json StatsToJson(const CalibrationStats& stats) {
           {"camera_corners", stats.camera_corners},
           {"heldout_rms_air_mm", NumberOrNull(stats.heldout_rms_air_mm)},
           {"heldout_rms_glass_mm", NumberOrNull(stats.heldout_rms_glass_mm)},
+          {"heldout_rms_across_mm", NumberOrNull(stats.heldout_rms_across_mm)},
           {"heldout_max_mm", NumberOrNull(stats.heldout_max_mm)},
+          {"heldout_points", stats.heldout_points},
+          {"heldout_rejected", stats.heldout_rejected},
           {"ground_rms_mm", NumberOrNull(stats.ground_rms_mm)},
           {"poses_used", stats.poses_used},
-          {"poses_heldout", stats.poses_heldout}};
+          {"poses_heldout", stats.poses_heldout},
+          {"pair_offset_mm", NumbersToJson(stats.pair_offset_mm)},
+          {"pair_epipolar_px", NumbersToJson(stats.pair_epipolar_px)},
+          {"failures", stats.failures}};
 }
 
-CalibrationStats StatsFromJson(const Json& json, const std::string& where) {
+/// A list of numbers, null standing for NaN.
+std::vector<double> FiguresFrom(const Json& json, const char* key, const std::string& where) {
+  std::vector<double> values;
+  for (const Json& value : ListFrom(json, key, where)) {
+    Require(value.is_number() || value.is_null(),
+            where + ": key '" + key + "' must hold numbers");
+    values.push_back(value.is_null() ? std::numeric_limits<double>::quiet_NaN()
+                                     : value.get<double>());
+  }
+  return values;
+}
+
+CalibrationStats StatsFromJson(const Json& json, const std::string& where, int version) {
   CalibrationStats stats;
   stats.reprojection_rms_px = GetOrNan(json, "reprojection_rms_px", where);
-  for (const Json& value : ListFrom(json, "camera_rms_px", where)) {
-    Require(value.is_number() || value.is_null(),
-            where + ": key 'camera_rms_px' must hold numbers");
-    stats.camera_rms_px.push_back(value.is_null() ? std::numeric_limits<double>::quiet_NaN()
-                                                  : value.get<double>());
-  }
+  stats.camera_rms_px = FiguresFrom(json, "camera_rms_px", where);
   for (const Json& value : ListFrom(json, "camera_corners", where)) {
     Require(value.is_number_integer(), where + ": key 'camera_corners' must hold integers");
     stats.camera_corners.push_back(value.get<int>());
@@ -109,6 +122,16 @@ CalibrationStats StatsFromJson(const Json& json, const std::string& where) {
   stats.ground_rms_mm = GetOrNan(json, "ground_rms_mm", where);
   stats.poses_used = Get<int>(json, "poses_used", where);
   stats.poses_heldout = Get<int>(json, "poses_heldout", where);
+  if (version < 2) return stats;  // version 1 knew no more
+  stats.heldout_rms_across_mm = GetOrNan(json, "heldout_rms_across_mm", where);
+  stats.heldout_points = Get<int>(json, "heldout_points", where);
+  stats.heldout_rejected = Get<int>(json, "heldout_rejected", where);
+  stats.pair_offset_mm = FiguresFrom(json, "pair_offset_mm", where);
+  stats.pair_epipolar_px = FiguresFrom(json, "pair_epipolar_px", where);
+  for (const Json& value : ListFrom(json, "failures", where)) {
+    Require(value.is_string(), where + ": key 'failures' must hold texts");
+    stats.failures.push_back(value.get<std::string>());
+  }
   return stats;
 }
 
@@ -189,13 +212,13 @@ Calibration ReadCalibration(const std::filesystem::path& path) {
   Require(format == "sole-calibration",
           where + ": is a '" + Shown(format) + "' file, expected a calibration");
   const int version = Get<int>(json, "version", where);
-  Require(version == kVersion,
+  Require(version >= 1 && version <= kVersion,
           where + ": format version " + std::to_string(version) +
               " is unknown: use the version of Sole that wrote it or calibrate again");
   Calibration calibration;
   calibration.created = Get<std::string>(json, "created", where);
   calibration.rig = RigFromJson(json, where);
-  calibration.stats = StatsFromJson(Member(json, "stats", where), where + ": stats");
+  calibration.stats = StatsFromJson(Member(json, "stats", where), where + ": stats", version);
   calibration.covariance = CovarianceFromJson(json, where, calibration.rig.cameras.size());
   return calibration;
 }

@@ -98,19 +98,17 @@ TEST(RefractiveCost, JacobiansMatchDifferences) {
     const CameraConfig& camera = config.cameras[c];
     const RefractedResidual projection{{700, 500}, 0.5, 1.52, NominalCamFromWorld(camera)};
     const Rigid3 body = testing_support::RandomTurn(random, 0.4, 0.02);
-    const TargetResidual target{
-        projection, {body.rotation, {0.01, 0.02, 0.09}}, {0.02, -0.03, 0.05}};
+    const TargetCost target(projection, {body.rotation, {0.01, 0.02, 0.09}}, {0.02, -0.03, 0.05});
     Eigen::VectorXd x(22);
     for (double& value : x) value = 0.002 * normal(random);
     x.segment<4>(6) << camera.focal_px, camera.focal_px, 810, 610;
     x[10] = -0.1;
     x[21] = 0.0151;
-    ExpectCostJacobian(*std::unique_ptr<ceres::CostFunction>(TargetResidual::Create(target)), x);
-    const FiducialResidual fiducial{projection, {0.05, -0.07, 0}};
+    ExpectCostJacobian(target, x);
+    const FiducialCost fiducial(projection, {0.05, -0.07, 0});
     Eigen::VectorXd y(18);
     y << x.head<15>(), 1e-5, -2e-5, 0.0149;
-    ExpectCostJacobian(*std::unique_ptr<ceres::CostFunction>(FiducialResidual::Create(fiducial)),
-                       y);
+    ExpectCostJacobian(fiducial, y);
   }
 }
 

@@ -70,6 +70,57 @@ TEST(Calibrate, IgnoringTheGlassSpoilsHeldOutLengths) {
   EXPECT_GT(without.reprojection_rms_px, 4 * with.reprojection_rms_px);
 }
 
+TEST(Calibrate, IgnoringThePlateFailsInMillimetres) {
+  for (const std::uint64_t seed : {1, 2, 3}) {
+    const SyntheticRig rig = MakeSyntheticRig(20, 30, seed);
+    const TakeObservations take = ObserveSynthetic(rig, 0.011, seed);
+    const Calibration with = CalibrateFromObservations(rig.config, take);
+    EXPECT_THAT(with.stats.failures, testing::IsEmpty());
+    ASSERT_EQ(with.stats.pair_offset_mm.size(), rig.config.pairs.size());
+    for (std::size_t i = 0; i < rig.config.pairs.size(); ++i) {
+      EXPECT_LT(with.stats.pair_offset_mm[i], 0.01) << rig.config.pairs[i].name;
+      // A corner's noise across the curve, once per image, each coordinate 0.011 px.
+      EXPECT_NEAR(with.stats.pair_epipolar_px[i], 0.0156, 0.004) << rig.config.pairs[i].name;
+    }
+    EXPECT_LT(with.stats.heldout_rms_air_mm, 0.010);
+    EXPECT_LT(with.stats.heldout_rms_glass_mm, 0.015);
+    double centres = 0;
+    for (std::size_t c = 0; c < 20; ++c) {
+      centres += (with.rig.cameras[c].CentreInWorld() - rig.Centre(c)).squaredNorm();
+      EXPECT_LT(with.rig.cameras[c].cam_from_world.rotation.angularDistance(
+                    rig.cam_from_world[c].rotation),
+                0.009 * M_PI / 180);
+    }
+    EXPECT_LT(1000 * std::sqrt(centres / 20), 0.05);
+
+    // The pinhole cameras absorb most of it: the pixels hardly tell, the oblique pair does.
+    CalibrateOptions options;
+    options.ignore_plate = true;
+    const Calibration without = CalibrateFromObservations(rig.config, take, options);
+    EXPECT_LT(without.stats.reprojection_rms_px, 0.013);
+    EXPECT_THAT(without.stats.failures,
+                testing::Contains(HasSubstr("pair below side sees the held-out target displaced")));
+    EXPECT_EQ(without.rig.rig_hash, with.rig.rig_hash);
+  }
+}
+
+TEST(Failures, EveryFigureHasItsLimit) {
+  Rig rig;
+  rig.pairs = {{"one", 0, 1}, {"two", 0, 1}};
+  CalibrationStats stats;
+  stats.heldout_points = 100;
+  stats.pair_offset_mm = {0.01, std::nan("")};
+  EXPECT_THAT(Failures(rig, stats), testing::IsEmpty());
+  stats.heldout_rms_air_mm = stats.heldout_rms_glass_mm = stats.heldout_rms_across_mm = 0.05;
+  stats.heldout_max_mm = 0.5;
+  stats.ground_rms_mm = 0.03;
+  stats.heldout_rejected = 3;
+  stats.pair_offset_mm[0] = 0.04;
+  const std::vector<std::string> failures = Failures(rig, stats);
+  EXPECT_EQ(failures.size(), 7u);
+  EXPECT_THAT(failures, testing::Contains("pair one sees the held-out target displaced: RMS 0.040 mm, limit 0.030 mm"));
+}
+
 TEST(JudgeGround, KnownCamerasWithoutGlassSeeItRisenByMillimetres) {
   const SyntheticRig rig = MakeSyntheticRig(4, 1, 5);
   Rig known;

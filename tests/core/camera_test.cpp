@@ -74,5 +74,18 @@ TEST(Rigid3, ComposesAndInverts) {
   EXPECT_LT((quarter * Eigen::Vector3d(1, 0, 0) - Eigen::Vector3d(10, 1, 0)).norm(), 1e-14);
 }
 
+TEST(PixelJacobianAt, MatchesDifferences) {
+  Eigen::VectorXd x(3 + kNumIntrinsics);
+  x << 0.1, -0.2, 0.6, 3250, 3100, 810, 615, -0.08, 0.05, 2e-3, -3e-3, 0.01;
+  const PixelJacobian by = PixelJacobianAt(x.data() + 3, x.head<3>());
+  Eigen::MatrixXd jacobian(2, x.size());
+  jacobian << by.point_in_cam, by.intrinsics;
+  testing_support::ExpectJacobianNear(
+      [](const Eigen::VectorXd& at) -> Eigen::VectorXd {
+        return PixelFromPointInCam<double>(at.data() + 3, Eigen::Vector3d(at.head<3>()));
+      },
+      x, jacobian, 1e-8, 1e-6);
+}
+
 }  // namespace
 }  // namespace sole

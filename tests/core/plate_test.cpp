@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "core/rig_config.h"
+#include "tests/support/jacobian_checker.h"
 
 namespace sole {
 namespace {
@@ -22,14 +23,69 @@ TEST(ApparentPoint, AgreesWithSnellTracedSurfaceBySurface) {
     const double angle = degrees * M_PI / 180;
     const double lateral = LateralAtHeight(centre.z(), angle, 0.015, 1.52, 0.03);
     const Eigen::Vector3d point(centre.x() + 0.6 * lateral, centre.y() + 0.8 * lateral, 0.03);
-    const Eigen::Vector3d seen = ApparentPoint<double>(0.015, 1.52, centre, point) - centre;
-    EXPECT_NEAR(std::atan2(seen.head<2>().norm(), seen.z()), angle, 1e-12) << degrees;
+    const Eigen::Vector3d seen = ApparentPoint({0.015, 1.52}, centre, point) - centre;
+    EXPECT_NEAR(std::atan2(seen.head<2>().norm(), seen.z()), angle, 1e-11) << degrees;
   }
 }
 
 TEST(ApparentPoint, IsTheIdentityOnTheCamerasOwnSide) {
   const Eigen::Vector3d point(0.1, 0.05, 0.02);
-  EXPECT_EQ(ApparentPoint<double>(0.015, 1.52, Eigen::Vector3d(0.3, 0.1, 0.5), point), point);
+  EXPECT_EQ(ApparentPoint({0.015, 1.52}, Eigen::Vector3d(0.3, 0.1, 0.5), point), point);
+}
+
+TEST(ApparentPoint, JacobiansMatchDifferences) {
+  // Through the whole plate, into it, from above, and straight ahead where the direction is not defined.
+  struct Case {
+    Eigen::Vector3d centre, point;
+  };
+  const Case cases[] = {{{0.02, -0.01, -0.6}, {0.3, 0.4, 0.03}},
+                        {{0.02, -0.01, -0.6}, {0.1, 0.05, -0.004}},
+                        {{0.1, 0.2, 0.5}, {-0.1, 0.05, -0.3}},
+                        {{0.1, 0.2, 0.5}, {-0.1, 0.05, 0.1}},
+                        {{0.1, 0.2, -0.5}, {0.1, 0.2, 0.1}}};
+  for (const Case& c : cases) {
+    Eigen::VectorXd x(7);
+    x << c.point, c.centre, 0.0151;
+    ApparentPointJacobian by;
+    ApparentPoint({x[6], 1.52}, c.centre, c.point, &by);
+    Eigen::MatrixXd jacobian(2, 7);
+    jacobian << by.point, by.centre, by.thickness_m;
+    testing_support::ExpectJacobianNear(
+        [](const Eigen::VectorXd& at) -> Eigen::VectorXd {
+          return ApparentPoint({at[6], 1.52}, at.segment<3>(3), at.head<3>()).head<2>();
+        },
+        x, jacobian, 1e-8, 1e-6);
+  }
+}
+
+TEST(Projector, ForwardProjectionIsExactToAMillionthOfAPixel) {
+  // Against bisection of Snell's law, over the whole field of a camera that looks up obliquely.
+  CameraConfig config;
+  config.position_m = {0.25, 0.1, -0.45};
+  Camera camera{"", 1624, 1236, {}, NominalCamFromWorld(config)};
+  camera.intrinsics << 3250, 3251, 810, 615, -0.08, 0.05, 2e-4, -3e-4, 0.01;
+  const Plate plate;
+  const Projector projector(camera, plate);
+  const Eigen::Vector3d centre = camera.CentreInWorld();
+  for (double x = -0.1; x < 0.11; x += 0.04) {
+    for (double y = -0.2; y < 0.21; y += 0.04) {
+      for (const double z : {0.0, 0.05, 0.15}) {
+        const Eigen::Vector2d lateral = Eigen::Vector2d(x, y) - centre.head<2>();
+        double low = 0, high = 1.5;
+        for (int i = 0; i < 100; ++i) {
+          const double angle = 0.5 * (low + high);
+          const bool short_of = LateralAtHeight(centre.z(), angle, plate.thickness_m, plate.index,
+                                                z) < lateral.norm();
+          (short_of ? low : high) = angle;
+        }
+        Eigen::Vector3d direction;
+        direction << std::sin(low) * lateral.normalized(), std::cos(low);
+        const Eigen::Vector2d traced = PixelFromPointInCam<double>(
+            camera.intrinsics.data(), camera.cam_from_world.rotation * direction);
+        EXPECT_LT((projector({x, y, z}) - traced).norm(), 1e-7) << x << " " << y << " " << z;
+      }
+    }
+  }
 }
 
 TEST(RayFromPixel, InvertsPixelFromWorldThroughTheGlass) {

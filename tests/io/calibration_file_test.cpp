@@ -29,7 +29,21 @@ Calibration MakeCalibration() {
     calibration.rig.cameras.push_back(camera);
   }
   calibration.rig.pairs = {{"below", 0, 1}};
-  calibration.stats = {0.11, {0.1, 0.12}, {400, 500}, 0.02, std::nan(""), 0.07, 0.01, 30, 6};
+  calibration.stats = {.reprojection_rms_px = 0.11,
+                       .camera_rms_px = {0.1, 0.12},
+                       .camera_corners = {400, 500},
+                       .heldout_rms_air_mm = 0.02,
+                       .heldout_rms_glass_mm = std::nan(""),
+                       .heldout_rms_across_mm = 0.03,
+                       .heldout_max_mm = 0.07,
+                       .heldout_points = 90,
+                       .heldout_rejected = 2,
+                       .ground_rms_mm = 0.01,
+                       .poses_used = 30,
+                       .poses_heldout = 6,
+                       .pair_offset_mm = {0.004},
+                       .pair_epipolar_px = {std::nan("")},
+                       .failures = {"it \"fails\""}};
   calibration.covariance = Eigen::MatrixXd::Random(31, 31);
   return calibration;
 }
@@ -58,7 +72,13 @@ TEST(Calibration, RoundTripsExactly) {
   EXPECT_EQ(read.stats.camera_rms_px, written.stats.camera_rms_px);
   EXPECT_EQ(read.stats.camera_corners, written.stats.camera_corners);
   EXPECT_TRUE(std::isnan(read.stats.heldout_rms_glass_mm));
+  EXPECT_EQ(read.stats.heldout_rms_across_mm, 0.03);
   EXPECT_EQ(read.stats.heldout_max_mm, 0.07);
+  EXPECT_EQ(read.stats.heldout_points, 90);
+  EXPECT_EQ(read.stats.heldout_rejected, 2);
+  EXPECT_EQ(read.stats.pair_offset_mm, written.stats.pair_offset_mm);
+  EXPECT_TRUE(std::isnan(read.stats.pair_epipolar_px.at(0)));
+  EXPECT_EQ(read.stats.failures, written.stats.failures);
   EXPECT_EQ(read.stats.poses_heldout, 6);
   EXPECT_EQ(read.covariance, written.covariance);
 }
@@ -95,7 +115,7 @@ TEST(ReadCalibration, NamesWhatIsWrong) {
     WriteStringAtomically(dir / "c.json", text);
     return ErrorOf([&] { ReadCalibration(dir / "c.json"); });
   };
-  EXPECT_THAT(with("\"version\": 1", "\"version\": 3"),
+  EXPECT_THAT(with("\"version\": 2", "\"version\": 3"),
               HasSubstr("c.json: format version 3 is unknown"));
   EXPECT_THAT(with("\"fx_px\"", "\"fx\""), HasSubstr("c.json: camera 0: key 'fx_px' is missing"));
   EXPECT_THAT(with("\"width\": 1624", "\"width\": 0"),
