@@ -23,6 +23,7 @@ void AddSimCommands(CLI::App& app, CommonOptions& common, int& status);
 /// Below `sim`.
 void AddPeopleCommands(CLI::App& sim, CommonOptions& common, int& status);
 void AddCaptureCommands(CLI::App& app, CommonOptions& common, int& status);
+void AddTakeCommands(CLI::App& app, CommonOptions& common, int& status);
 void AddProcessingCommands(CLI::App& app, CommonOptions& common, int& status);
 void AddMatchCommand(CLI::App& app, CommonOptions& common, int& status);
 void AddModelCommands(CLI::App& app, CommonOptions& common, int& status);

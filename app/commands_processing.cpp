@@ -115,6 +115,7 @@ void AddCommands(CLI::App& app, CommonOptions& common, int& status) {
   AddSimCommands(app, common, status);
   AddCaptureCommands(app, common, status);
   AddProcessingCommands(app, common, status);
+  AddTakeCommands(app, common, status);
   AddMatchCommand(app, common, status);
   AddModelCommands(app, common, status);
 }

@@ -85,24 +85,30 @@ FileDescriptor OpenForReading(const std::filesystem::path& path, std::uint64_t& 
   return file;
 }
 
+RawFileHead DecodeRawFileHead(const char* bytes, const std::filesystem::path& path) {
+  Require(std::memcmp(bytes, kFileMagic.data(), kFileMagic.size()) == 0,
+          path.string() + ": is not a recording of a camera: its first bytes are not SOLERAW1");
+  const auto version = LoadLittle<std::uint32_t>(bytes, 8);
+  const bool sealed = SealHolds(bytes);
+  if (sealed && version != 1 && version != kVersion) {
+    throw UnknownVersionError(path.string() + ": format version " + std::to_string(version) +
+                              " is unknown: use the version of Sole that recorded it");
+  }
+  const std::size_t header_size = version == 1 ? kRawHeaderSize : kRawBlock;
+  Require(sealed && LoadLittle<std::uint32_t>(bytes, 12) == header_size,
+          path.string() + ": the file header is damaged");
+  RawFileHead head;
+  head.serial.assign(bytes + kSerialOffset, ::strnlen(bytes + kSerialOffset, kRawSerialSize));
+  head.block = version == 1 ? 1 : kRawBlock;
+  return head;
+}
+
 RawFileHead ReadRawFileHead(const FileDescriptor& file, std::uint64_t size,
                             const std::filesystem::path& path) {
   RawHeaderBytes bytes{};
-  Require(size >= kRawHeaderSize && file.ReadAt(bytes.data(), kRawHeaderSize, 0) &&
-              std::memcmp(bytes.data(), kFileMagic.data(), kFileMagic.size()) == 0,
-          path.string() + ": is not a recording of a camera: its first bytes are not SOLERAW1");
-  const auto version = LoadLittle<std::uint32_t>(bytes.data(), 8);
-  Require(version == 1 || version == kVersion,
-          path.string() + ": format version " + std::to_string(version) +
-              " is unknown: use the version of Sole that recorded it");
-  const std::size_t header_size = version == 1 ? kRawHeaderSize : kRawBlock;
-  Require(SealHolds(bytes.data()) && LoadLittle<std::uint32_t>(bytes.data(), 12) == header_size,
-          path.string() + ": the file header is damaged");
-  RawFileHead head;
-  head.serial.assign(bytes.data() + kSerialOffset,
-                     ::strnlen(bytes.data() + kSerialOffset, kRawSerialSize));
-  head.block = version == 1 ? 1 : kRawBlock;
-  return head;
+  Require(size >= kRawHeaderSize && file.ReadAt(bytes.data(), kRawHeaderSize, 0),
+          path.string() + ": is not a recording of a camera: it is shorter than a header");
+  return DecodeRawFileHead(bytes.data(), path);
 }
 
 }  // namespace sole::io

@@ -31,12 +31,19 @@ bool DecodeRawRecord(const char* bytes, RawRecord& record);
 /// Opens an existing regular file; throws Error naming it.
 FileDescriptor OpenForReading(const std::filesystem::path& path, std::uint64_t& size);
 
+class UnknownVersionError : public Error {
+ public:
+  using Error::Error;
+};
+
 /// The file header.
 struct RawFileHead {
   std::string serial;
   std::uint64_t block = 1;  ///< headers and payloads begin at multiples of this (1 in version 1)
 };
-/// Throws Error with the path unless the file begins with an undamaged file header.
+/// Throws Error with the path unless these 64 bytes are an undamaged file header.
+RawFileHead DecodeRawFileHead(const char* bytes, const std::filesystem::path& path);
+/// The same for the beginning of a file.
 RawFileHead ReadRawFileHead(const FileDescriptor& file, std::uint64_t size,
                             const std::filesystem::path& path);
 
@@ -45,5 +52,12 @@ inline std::uint64_t RawHeaderBlock(std::uint64_t block) { return RoundUp(kRawHe
 inline std::uint64_t RawPayloadSize(const RawRecordHeader& header) {
   return std::uint64_t{header.width} * header.height;
 }
+
+/// Walks the records of an open raw file from its first block on.
+RawIndex ScanRawRecords(const FileDescriptor& file, std::uint64_t size, std::uint64_t block);
+
+/// Copies `size` bytes from one file to another's present place; false if either fails.
+bool CopyBytes(const FileDescriptor& from, std::uint64_t offset, std::uint64_t size,
+               const FileDescriptor& to);
 
 }  // namespace sole::io

@@ -60,13 +60,9 @@ ImageU8 ReadPixels(const fs::path& path, const RawRecord& record) {
 
 }  // namespace
 
-RawIndex ReadRawIndex(const fs::path& path) {
-  std::uint64_t size = 0;
-  const FileDescriptor file = OpenForReading(path, size);
-  const RawFileHead head = ReadRawFileHead(file, size, path);
+RawIndex ScanRawRecords(const FileDescriptor& file, std::uint64_t size, std::uint64_t block) {
   RawIndex index;
-  index.serial = head.serial;
-  const std::uint64_t header_block = RawHeaderBlock(head.block);
+  const std::uint64_t header_block = RawHeaderBlock(block);
   RawHeaderBytes bytes{};
   std::uint64_t at = header_block;
   index.end = at;
@@ -77,7 +73,7 @@ RawIndex ReadRawIndex(const fs::path& path) {
       break;
     }
     if (!DecodeRawRecord(bytes.data(), record)) {
-      const std::uint64_t next = FindRecord(file, at + 1, size, head.block);
+      const std::uint64_t next = FindRecord(file, at + 1, size, block);
       index.truncated = next == size;
       index.skipped_bytes += next - at;
       at = next;
@@ -91,10 +87,31 @@ RawIndex ReadRawIndex(const fs::path& path) {
       break;
     }
     index.records.push_back(record);
-    at = RoundUp(record.payload_offset + payload, head.block);
+    at = RoundUp(record.payload_offset + payload, block);
     index.end = at;
   }
   return index;
+}
+
+RawIndex ReadRawIndex(const fs::path& path) {
+  std::uint64_t size = 0;
+  const FileDescriptor file = OpenForReading(path, size);
+  const RawFileHead head = ReadRawFileHead(file, size, path);
+  RawIndex index = ScanRawRecords(file, size, head.block);
+  index.serial = head.serial;
+  return index;
+}
+
+bool CopyBytes(const FileDescriptor& from, std::uint64_t offset, std::uint64_t size,
+               const FileDescriptor& to) {
+  std::vector<char> chunk(static_cast<std::size_t>(std::min<std::uint64_t>(size, 1 << 20)));
+  while (size > 0) {
+    const auto count = static_cast<std::size_t>(std::min<std::uint64_t>(size, chunk.size()));
+    if (!from.ReadAt(chunk.data(), count, offset) || !to.Write(chunk.data(), count)) return false;
+    offset += count;
+    size -= count;
+  }
+  return true;
 }
 
 bool CheckRawRecord(const fs::path& path, const RawRecord& record) {

@@ -47,6 +47,9 @@ struct TakePaths {
   std::filesystem::path Raw(const std::string& serial) const {
     return root / "cameras" / (serial + ".raw");
   }
+  std::filesystem::path Archive(const std::string& serial) const {
+    return root / "cameras" / (serial + ".mkv");
+  }
   std::filesystem::path TruthMesh(std::int64_t trigger) const;  ///< truth/mesh/000001.ply
   std::filesystem::path Truth() const { return root / "truth" / "truth.npz"; }
   std::filesystem::path TruthRig() const { return root / "truth" / "rig.json"; }

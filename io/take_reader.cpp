@@ -23,6 +23,9 @@ CameraFile OpenCamera(const TakePaths& take, const CameraConfig& camera) {
   CameraFile file{take.Raw(camera.serial), {}};
   const fs::path partial = file.path.string() + ".partial";
   if (!fs::exists(file.path) && fs::exists(partial)) file.path = partial;
+  Require(fs::exists(file.path) || !fs::exists(take.Archive(camera.serial)),
+          "take " + take.root.string() + " is archived: run sole take archive --restore " +
+              take.root.string() + " first");
   Require(fs::exists(file.path),
           "take " + take.root.string() + ": camera '" + Shown(camera.serial) +
               "' of its rig file has no recording: " + file.path.string() + " is missing");

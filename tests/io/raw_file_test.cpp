@@ -234,9 +234,14 @@ TEST(RawFile, RefusesOtherFilesAndVersions) {
   const TempDir dir;
   std::string bytes = Record(dir / "a.raw", 1);
   bytes[8] = 9;
+  const std::uint32_t crc = Crc32(bytes.data(), 60);
+  std::memcpy(&bytes[60], &crc, 4);
   WriteStringAtomically(dir / "b.raw", bytes);
   EXPECT_THAT(ErrorOf([&] { ReadRawIndex(dir / "b.raw"); }),
               HasSubstr("b.raw: format version 9 is unknown"));
+  bytes[20] ^= 1;
+  WriteStringAtomically(dir / "b.raw", bytes);
+  EXPECT_THAT(ErrorOf([&] { ReadRawIndex(dir / "b.raw"); }), HasSubstr("the file header is damaged"));
   WriteStringAtomically(dir / "c.raw", "something else");
   EXPECT_THAT(ErrorOf([&] { ReadRawIndex(dir / "c.raw"); }),
               HasSubstr("c.raw: is not a recording"));

@@ -10,8 +10,10 @@ namespace sole::testing_support {
 /// A folder of its own for one test, removed at the end.
 class TempDir {
  public:
-  TempDir() {
-    std::string name = (std::filesystem::temp_directory_path() / "sole-test-XXXXXX").string();
+  /// Below `parent` if that is a folder (/dev/shm: in memory), else where temporary files go.
+  explicit TempDir(const std::filesystem::path& parent = {}) {
+    const auto below = std::filesystem::is_directory(parent) ? parent : std::filesystem::temp_directory_path();
+    std::string name = (below / "sole-test-XXXXXX").string();
     path_ = ::mkdtemp(name.data());
   }
   TempDir(const TempDir&) = delete;
