@@ -65,9 +65,8 @@ std::string Frames(std::size_t count, std::int64_t of) {
   return std::to_string(count) + " of " + std::to_string(of) + " frames";
 }
 
-/// Verdict and reasons of a recovered take.
+/// Verdict of a recovered take, and the reasons that its frames give.
 void Judge(TakeRecovery& result, std::int64_t judged, double usable_loss) {
-  result.reasons.push_back("recovered after an interruption");
   if (judged < result.triggers) {
     result.reasons.push_back("broke off after trigger " + std::to_string(judged) +
                              ": of the later ones not every camera has a frame");
@@ -186,6 +185,9 @@ TakeRecovery RecoverTake(const fs::path& directory, const RecoverOptions& option
   result.added_triggers = static_cast<std::int64_t>(triggers.size() - lines);
   result.changed = result.changed || result.added_triggers > 0;
   if (result.changed) {
+    result.reasons.push_back(info.state == "recording"
+                                 ? "recovered: the recording was interrupted"
+                                 : "recovered: files of the take were damaged");
     Judge(result, LastJudged(cameras, result.triggers, config), options.usable_loss);
     if (rebuilt) result.reasons.push_back("take.json could not be read and was made anew");
     if (unreadable)
