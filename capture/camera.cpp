@@ -158,7 +158,10 @@ bool HoldsImage(ArvBuffer* buffer) {
   const bool filled =
       status == ARV_BUFFER_STATUS_SUCCESS || status == ARV_BUFFER_STATUS_MISSING_PACKETS ||
       status == ARV_BUFFER_STATUS_TIMEOUT || status == ARV_BUFFER_STATUS_WRONG_PACKET_ID;
-  return filled && arv_buffer_get_payload_type(buffer) == ARV_BUFFER_PAYLOAD_TYPE_IMAGE;
+  // Without its leader, a frame of lost packets has neither size nor part.
+  return filled && arv_buffer_get_payload_type(buffer) == ARV_BUFFER_PAYLOAD_TYPE_IMAGE &&
+         arv_buffer_get_n_parts(buffer) > 0 &&
+         arv_buffer_get_part_data_type(buffer, 0) == ARV_BUFFER_PART_DATA_TYPE_2D_IMAGE;
 }
 
 }  // namespace

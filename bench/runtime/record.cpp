@@ -31,13 +31,13 @@ double SecondsSince(Clock::time_point begin) {
   return std::chrono::duration<double>(Clock::now() - begin).count();
 }
 
-/// Plain writes of 4 MiB past the page cache into four files side by side, fsynced: MB/s.
-double PlainDiskRate(const std::filesystem::path& directory, double seconds) {
+/// Plain writes of 4 MiB past the page cache into `files` files side by side, fsynced: MB/s.
+double PlainDiskRate(const std::filesystem::path& directory, int files, double seconds) {
   constexpr std::size_t kBlock = 4 << 20;
   std::atomic<std::uint64_t> written{0};
   const Clock::time_point begin = Clock::now();
   std::vector<std::thread> threads;
-  for (int i = 0; i < 4; ++i) {
+  for (int i = 0; i < files; ++i) {
     threads.emplace_back([&, i] {
       const std::string path = (directory / ("plain-" + std::to_string(getpid()) + "-" + std::to_string(i))).string();
       void* block = std::aligned_alloc(4096, kBlock);
@@ -157,7 +157,7 @@ int Main(int argc, char** argv) {
   const std::filesystem::path disk = options.directory.empty() ? std::filesystem::temp_directory_path() : options.directory;
   if (mode == "machine") {
     fmt::print("loopback by itself, one socket: {:.0f} MB/s\n", PlainLoopbackRate(3));
-    fmt::print("disk below {} by itself, plain writes: {:.0f} MB/s\n", disk.string(), PlainDiskRate(disk, 5));
+    fmt::print("disk below {} by itself, plain writes to {} files: {:.0f} MB/s\n", disk.string(), options.cameras, PlainDiskRate(disk, options.cameras, 5));
     fmt::print("disk through the recorder's writer, {} files: {:.0f} MB/s\n", options.cameras,
                1e-6 * io::MeasureWriteRate(disk, {.files = options.cameras, .max_bytes = 4ULL << 30, .max_seconds = 5}));
     return 0;
@@ -176,7 +176,7 @@ int Main(int argc, char** argv) {
   } else {
     options.directory = disk;
     options.seconds = or_default(15);
-    const double limit = PlainDiskRate(disk, 5);
+    const double limit = PlainDiskRate(disk, options.cameras, 5);
     const double allowed = 0.8e6 * limit / (static_cast<double>(options.cameras) * options.width * options.height);
     fmt::print("disk by itself: {:.0f} MB/s; 0.8 of it allows {:.2f} Hz: recording at {}\n", limit, allowed,
                allowed < options.rate_hz ? "that" : "the full rate");
