@@ -11,6 +11,7 @@
 
 #include <arpa/inet.h>
 #include <fmt/format.h>
+#include <pthread.h>
 #include <sys/epoll.h>
 #include <sys/eventfd.h>
 #include <sys/timerfd.h>
@@ -23,6 +24,8 @@ namespace sole::sim {
 namespace {
 
 constexpr std::uint32_t kLoopback = 0x7F000001;
+// Packets read from one socket before the others have their turn again.
+constexpr int kPacketsPerTurn = 1024;
 
 std::uint32_t ParseLoopback(const ServedCamera& camera) {
   in_addr address{};
@@ -153,6 +156,7 @@ void CameraServer::Impl::Watch(int descriptor, std::size_t number) {
 }
 
 void CameraServer::Impl::Run() {
+  pthread_setname_np(pthread_self(), "sole-cam-ctl");
   const std::size_t stop_number = cameras.size() + 3;
   std::array<epoll_event, 32> events{};
   for (;;) {
@@ -177,7 +181,9 @@ void CameraServer::Impl::OnReadable(std::size_t number) {
 
 void CameraServer::Impl::OnControl(std::size_t camera) {
   Endpoint from;
-  while (const auto packet = control[camera]->Receive(buffer, &from)) {
+  for (int i = 0; i < kPacketsPerTurn; ++i) {
+    const auto packet = control[camera]->Receive(buffer, &from);
+    if (!packet) return;
     if (devices[camera]->Unreachable()) continue;
     const std::vector<std::uint8_t> ack = AnswerGvcp(*packet, from, false, devices[camera].get());
     if (!ack.empty()) control[camera]->Send(ack, from);
@@ -186,7 +192,9 @@ void CameraServer::Impl::OnControl(std::size_t camera) {
 
 void CameraServer::Impl::OnBroadcast() {
   Endpoint from;
-  while (const auto packet = broadcast.Receive(buffer, &from)) {
+  for (int turn = 0; turn < kPacketsPerTurn; ++turn) {
+    const auto packet = broadcast.Receive(buffer, &from);
+    if (!packet) return;
     if (from.address >> 24 != 127) continue;  // Simulated cameras stay on this computer.
     for (std::size_t i = 0; i < devices.size(); ++i) {
       if (devices[i]->Unreachable()) continue;
@@ -198,7 +206,9 @@ void CameraServer::Impl::OnBroadcast() {
 
 void CameraServer::Impl::OnBus() {
   Endpoint from;
-  while (const auto packet = bus.Receive(buffer, &from)) {
+  for (int i = 0; i < kPacketsPerTurn; ++i) {
+    const auto packet = bus.Receive(buffer, &from);
+    if (!packet) return;
     const std::optional<TriggerPulse> pulse = DecodeTriggerPulse(*packet);
     if (!pulse) continue;
     for (const auto& device : devices) device->OnPulse(*pulse);

@@ -51,9 +51,7 @@ GevStatus CameraDevice::Write(const Endpoint& from, std::uint32_t address,
   if (controller_ != from) return GevStatus::kAccessDenied;
   last_heard_ = Clock::now();
   GevStatus status = memory_.CheckWrite(address, bytes, acquiring_);
-  for (std::uint32_t at = 0; status == GevStatus::kSuccess && at + 4 <= bytes.size(); at += 4) {
-    status = CheckRegion(address + at, Load32(bytes, at));
-  }
+  if (status == GevStatus::kSuccess) status = CheckRegion(address, bytes);
   if (status == GevStatus::kSuccess) Apply(address, bytes);
   return status;
 }
@@ -71,18 +69,19 @@ GevStatus CameraDevice::WriteControl(const Endpoint& from, std::uint32_t value) 
   return GevStatus::kSuccess;
 }
 
-/// The region must stay on the sensor.
-GevStatus CameraDevice::CheckRegion(std::uint32_t address, std::uint32_t value) const {
-  const auto now = [&](std::uint32_t at) { return at == address ? value : memory_.Get32(at); };
-  const bool horizontal = address == reg::kWidth || address == reg::kOffsetX;
-  const bool vertical = address == reg::kHeight || address == reg::kOffsetY;
-  if (horizontal && now(reg::kWidth) + now(reg::kOffsetX) > memory_.Get32(reg::kSensorWidth)) {
-    return GevStatus::kInvalidParameter;
-  }
-  if (vertical && now(reg::kHeight) + now(reg::kOffsetY) > memory_.Get32(reg::kSensorHeight)) {
-    return GevStatus::kInvalidParameter;
-  }
-  return GevStatus::kSuccess;
+/// The region must stay on the sensor once all of `bytes` are written.
+GevStatus CameraDevice::CheckRegion(std::uint32_t address,
+                                    std::span<const std::uint8_t> bytes) const {
+  const auto then = [&](std::uint32_t at) {
+    const bool written = at >= address && at - address + 4 <= bytes.size();
+    return written ? Load32(bytes, at - address) : memory_.Get32(at);
+  };
+  const auto fits = [&](std::uint32_t offset, std::uint32_t size, std::uint32_t sensor) {
+    return then(offset) + then(size) <= memory_.Get32(sensor);
+  };
+  const bool inside = fits(reg::kOffsetX, reg::kWidth, reg::kSensorWidth) &&
+                      fits(reg::kOffsetY, reg::kHeight, reg::kSensorHeight);
+  return inside ? GevStatus::kSuccess : GevStatus::kInvalidParameter;
 }
 
 void CameraDevice::Apply(std::uint32_t address, std::span<const std::uint8_t> bytes) {

@@ -53,7 +53,7 @@ class CameraDevice {
 
  private:
   GevStatus WriteControl(const Endpoint& from, std::uint32_t value);
-  GevStatus CheckRegion(std::uint32_t address, std::uint32_t value) const;
+  GevStatus CheckRegion(std::uint32_t address, std::span<const std::uint8_t> bytes) const;
   void Apply(std::uint32_t address, std::span<const std::uint8_t> bytes);
   void ApplyWord(std::uint32_t address, std::uint32_t value);
   void ApplyChunkWord(std::uint32_t address, std::uint32_t value);

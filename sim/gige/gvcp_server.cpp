@@ -29,7 +29,8 @@ struct Answer {
 
 Answer ReadRegisters(std::span<const std::uint8_t> data, const Endpoint& from,
                      CameraDevice* device) {
-  if (data.empty() || data.size() % 4 != 0) return {GevStatus::kInvalidParameter, {}};
+  if (data.empty() || data.size() % 4 != 0 || data.size() > kMaxData)
+    return {GevStatus::kInvalidParameter, {}};
   Answer answer{.data = std::vector<std::uint8_t>(data.size())};
   for (std::size_t at = 0; at < data.size(); at += 4) {
     answer.status = device->Read(from, Load32(data, at), std::span(answer.data).subspan(at, 4));
@@ -97,6 +98,7 @@ std::vector<std::uint8_t> AnswerGvcp(std::span<const std::uint8_t> packet, const
   const std::uint8_t flags = packet[1];
   if (packet.size() < kHeaderSize + length || id == 0) return {};
   const std::span<const std::uint8_t> data = packet.subspan(kHeaderSize, length);
+  if (command % 2 != 0) return {};  // Commands are even; answering answers might never end.
   if (broadcast && command != kDiscovery && command != kAction) return {};
 
   Answer answer;

@@ -7,13 +7,16 @@
 #include <utility>
 
 #include <arpa/inet.h>
+#include <fmt/format.h>
 #include <netinet/in.h>
+#include <pthread.h>
 #include <sys/socket.h>
 
 namespace sole::sim {
 namespace {
 
 constexpr std::size_t kMaxWaiting = 64;
+constexpr std::size_t kMaxResends = 1024, kMaxTestPackets = 16;  // A client repeats what is dropped.
 constexpr std::uint32_t kMaxBatch = 64;
 constexpr std::chrono::nanoseconds kBatchTime = std::chrono::milliseconds(1);
 
@@ -58,12 +61,14 @@ bool GvspSender::Expose(const TriggerPulse& pulse, const StreamSettings& setting
 void GvspSender::Resend(std::uint16_t frame_id, std::uint32_t first_packet,
                         std::uint32_t last_packet) {
   const Lock lock(mutex_);
+  if (resends_.size() >= kMaxResends) return;
   resends_.push_back({frame_id, first_packet, last_packet});
   wake_.notify_all();
 }
 
 void GvspSender::SendTestPacket(const StreamSettings& settings) {
   const Lock lock(mutex_);
+  if (test_packets_.size() >= kMaxTestPackets) return;
   test_packets_.push_back(settings);
   wake_.notify_all();
 }
@@ -110,6 +115,7 @@ ServedCameraStats GvspSender::Stats() const {
 }
 
 void GvspSender::Run() {
+  pthread_setname_np(pthread_self(), fmt::format("sole-cam-{}", options_.camera + 1).c_str());
   Lock lock(mutex_);
   while (!stop_) {
     ServeRequests(&lock);

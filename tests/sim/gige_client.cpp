@@ -117,7 +117,12 @@ std::vector<std::uint8_t> RawClient::Command(const std::string& address, std::ui
       packet.push_back(static_cast<std::uint8_t>(word >> shift));
   }
   Send(address, 3956, packet);
-  return acknowledged ? Receive(500) : std::vector<std::uint8_t>{};
+  if (!acknowledged) return {};
+  for (;;) {  // Late answers to earlier questions are passed over.
+    const std::vector<std::uint8_t> answer = Receive(500);
+    if (answer.size() < 8 || (answer[6] == high(request_) && answer[7] == low(request_)))
+      return answer;
+  }
 }
 
 int RawClient::WriteRegister(const std::string& address, std::uint32_t where, std::uint32_t value) {
