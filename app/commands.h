@@ -22,6 +22,7 @@ void AddCommands(CLI::App& app, CommonOptions& common, int& status);
 void AddSimCommands(CLI::App& app, CommonOptions& common, int& status);
 /// Below `sim`.
 void AddPeopleCommands(CLI::App& sim, CommonOptions& common, int& status);
+void AddScansCommand(CLI::App& sim, CommonOptions& common, int& status);
 void AddCaptureCommands(CLI::App& app, CommonOptions& common, int& status);
 void AddTakeCommands(CLI::App& app, CommonOptions& common, int& status);
 void AddProcessingCommands(CLI::App& app, CommonOptions& common, int& status);

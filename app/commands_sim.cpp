@@ -106,6 +106,7 @@ void AddSimCommands(CLI::App& app, CommonOptions& common, int& status) {
   });
 
   AddPeopleCommands(*sim, common, status);
+  AddScansCommand(*sim, common, status);
 
   auto d = std::make_shared<DemoOptions>();
   CLI::App* demo = app.add_subcommand("demo", "The whole chain on the embedded simulated rig");

@@ -53,7 +53,7 @@ TEST_F(BadInput, WrongUsageIsStatusTwo) {
 }
 
 TEST_F(BadInput, EveryCommandHasHelpWithAnExample) {
-  for (const char* command : {"demo", "sim serve", "sim render", "sim people", "rig check", "record", "calibrate", "reconstruct", "contact",
+  for (const char* command : {"demo", "sim serve", "sim render", "sim people", "sim scans", "rig check", "record", "calibrate", "reconstruct", "contact",
                               "fit", "process", "measure", "export", "evaluate", "match", "model info",
                               "model convert", "model pose", "model separate"}) {
     const ProgramResult help = RunSole(std::string(command) + " --help");

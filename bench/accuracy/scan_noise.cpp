@@ -1,0 +1,355 @@
+// Measures how reconstructed scans of simulated takes differ from the truth, in the classes that
+// sim/scan_noise.h tells, and writes the parameter file of `sole sim scans`. Usage:
+//   bench_scan_noise --out sim/data/scan_noise.json TAKE...
+// TAKE is a processed simulated take (OUT/take of `sole demo`). A table goes to stdout.
+#include <cmath>
+#include <map>
+#include <string>
+#include <vector>
+
+#include <CLI/CLI.hpp>
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "app/truth.h"
+#include "bench/accuracy/error_covariance.h"
+#include "core/error.h"
+#include "io/atomic_file.h"
+#include "io/mesh_file.h"
+#include "io/take.h"
+#include "model/surface_query.h"
+#include "sim/reference_foot.h"
+#include "sim/scan_cloud.h"
+
+namespace {
+
+using namespace sole;
+using Eigen::Vector3d;
+using sim::ScanView;
+
+constexpr double kReach_m = 0.01;  // points further off are no part of the foot
+
+/// A reconstructed point and what is true of it.
+struct Sample {
+  ScanView view;
+  int take = 0, frame = 0;
+  Vector3d point_m;
+  double error_m = 0;  ///< along the true normal, positive outside
+  double sigma_m = 0;
+  double normal_off_rad = 0;
+  double scaled = 0;  ///< error without bias over its class's SD
+  bool outlier = false;
+};
+
+/// Places of a complete cloud, and whether the scan has a point there.
+struct Place {
+  ScanView view;
+  int frame = 0;
+  Vector3d point_m;
+  bool there = false;
+};
+
+struct Samples {
+  std::vector<Sample> points;
+  std::vector<Place> places;
+  std::size_t unseen = 0;  ///< points where the true surface is seen by no pair
+};
+
+sim::TrueRig ReadTrueRig(const std::filesystem::path& path) {
+  const auto json = nlohmann::json::parse(io::ReadFile(path));
+  sim::TrueRig rig;
+  const auto& plate = json.at("plate");
+  rig.plate = {plate.at("size_x_m"), plate.at("size_y_m"), plate.at("thickness_m"),
+               plate.at("index")};
+  for (const auto& c : json.at("cameras")) {
+    sim::TrueCamera camera;
+    camera.serial = c.at("serial");
+    camera.width = c.at("width");
+    camera.height = c.at("height");
+    const auto k = c.at("intrinsics").get<std::vector<double>>();
+    camera.fx = k.at(0), camera.fy = k.at(1), camera.cx = k.at(2), camera.cy = k.at(3);
+    camera.k1 = k.at(4), camera.k2 = k.at(5), camera.p1 = k.at(6), camera.p2 = k.at(7);
+    const auto q = c.at("rotation_wxyz").get<std::vector<double>>();
+    const auto t = c.at("translation_m").get<std::vector<double>>();
+    camera.cam_from_world.rotation = Eigen::Quaterniond(q.at(0), q.at(1), q.at(2), q.at(3));
+    camera.cam_from_world.translation = {t.at(0), t.at(1), t.at(2)};
+    rig.cameras.push_back(camera);
+  }
+  return rig;
+}
+
+std::vector<std::uint8_t> CutVertices() {
+  std::vector<std::uint8_t> dark;
+  for (const sim::FootMaterial material : sim::FootMaterials())
+    dark.push_back(material == sim::FootMaterial::kCut);
+  return dark;
+}
+
+void AddFrame(const app::FrameTruth& truth, const PointCloud& scan,
+              const std::vector<ScanView>& views, double voxel_m, int take, Samples& all) {
+  const model::SurfaceQuery query(truth.mesh);
+  const std::vector<Vector3d> normals = VertexNormals(truth.mesh);
+  const int frame = all.points.empty() ? 0 : all.points.back().frame + 1;
+  for (std::size_t i = 0; i < scan.Size(); ++i) {
+    const Vector3d p = scan.points_m[i].cast<double>();
+    const auto hit = query.Closest(p, kReach_m);
+    if (!hit) continue;
+    Sample sample;
+    sample.view = sim::ViewAt(truth.mesh, views, hit->point);
+    sample.take = take;
+    sample.frame = frame;
+    if (sample.view.pairs == 0) {
+      ++all.unseen;
+      continue;
+    }
+    const Eigen::Vector3i& t = truth.mesh.triangles[static_cast<std::size_t>(hit->point.triangle)];
+    Vector3d n = Vector3d::Zero();
+    for (int k = 0; k < 3; ++k)
+      n += hit->point.barycentric[k] * normals[static_cast<std::size_t>(t[k])];
+    n.normalize();
+    const Vector3d off = p - PositionOf(truth.mesh, hit->point);
+    sample.point_m = p;
+    sample.error_m = std::copysign(off.norm(), off.dot(n));
+    sample.sigma_m = static_cast<double>(scan.sigma_m[i]);
+    sample.normal_off_rad = std::acos(std::clamp(n.dot(scan.normals[i].cast<double>()), -1.0, 1.0));
+    all.points.push_back(sample);
+  }
+  const bench::PointGrid grid(scan.points_m, voxel_m);
+  for (const sim::ScanPoint& at : sim::SampleSeenSurface(truth.mesh, views, voxel_m, 1)) {
+    const Vector3d p = PositionOf(truth.mesh, at.at);
+    all.places.push_back({at.view, frame, p, grid.HasNear(p, 0.9 * voxel_m)});
+  }
+}
+
+Samples ReadTake(const std::filesystem::path& directory, double voxel_m, int take, Samples all) {
+  const io::TakePaths paths{directory};
+  const io::TakeReader reader(directory);
+  const app::TakeTruth truth = app::ReadTruth(directory);
+  const sim::TrueRig rig = ReadTrueRig(paths.TruthRig());
+  const std::vector<std::uint8_t> dark = CutVertices();
+  for (const app::FrameTruth& frame : truth.frames) {
+    if (!std::filesystem::exists(paths.Scan(frame.trigger))) continue;
+    AddFrame(frame, io::ReadPlyCloud(paths.Scan(frame.trigger)),
+             sim::FindScanViews(reader.Config(), rig, frame.mesh, dark), voxel_m, take, all);
+  }
+  return all;
+}
+
+struct Moments {
+  double weight = 0, sum = 0, squares = 0;
+  void Add(double x) { weight += 1, sum += x, squares += x * x; }
+  double Mean() const { return weight > 0 ? sum / weight : 0; }
+  double Rms() const { return weight > 0 ? std::sqrt(squares / weight) : 0; }
+};
+
+/// Classes that few samples fall into take the value of the nearest class that has enough.
+template <std::size_t N>
+void FillGaps(std::array<double, N>& values, const std::array<double, N>& counts) {
+  constexpr double kEnough = 50;
+  const std::array<double, N> measured = values;
+  for (std::size_t i = 0; i < N; ++i) {
+    std::size_t best = N;
+    for (std::size_t j = 0; j < N; ++j) {
+      const auto distance = [&](std::size_t k) { return k > i ? k - i : i - k; };
+      if (counts[j] >= kEnough && (best == N || distance(j) < distance(best))) best = j;
+    }
+    if (best < N) values[i] = measured[best];
+  }
+}
+
+/// RMS of x over samples of a class, per class.
+template <std::size_t N, typename Class, typename Value>
+std::array<double, N> RmsBy(const std::vector<Sample*>& samples, const Class& class_of,
+                            const Value& value_of) {
+  std::array<Moments, N> moments;
+  for (const Sample* s : samples) {
+    if (!s->outlier) moments[class_of(s->view)].Add(value_of(*s));
+  }
+  std::array<double, N> rms{}, counts{};
+  for (std::size_t i = 0; i < N; ++i) rms[i] = moments[i].Rms(), counts[i] = moments[i].weight;
+  FillGaps(rms, counts);
+  return rms;
+}
+
+/// Mean of x over samples of a class, per class.
+template <typename Value>
+std::array<double, sim::kIncidenceBins> MeanByIncidence(const std::vector<Sample*>& samples,
+                                                        const Value& value_of) {
+  std::array<Moments, sim::kIncidenceBins> moments;
+  for (const Sample* s : samples) {
+    if (!s->outlier) moments[sim::IncidenceBin(s->view)].Add(value_of(*s));
+  }
+  std::array<double, sim::kIncidenceBins> mean{}, counts{};
+  for (std::size_t i = 0; i < mean.size(); ++i)
+    mean[i] = moments[i].Mean(), counts[i] = moments[i].weight;
+  FillGaps(mean, counts);
+  return mean;
+}
+
+/// Bias, SDs and outliers of one side, in turn until they agree.
+void MeasureErrors(const std::vector<Sample*>& samples, sim::SideNoise& side) {
+  constexpr double kOutlier = 5;  // standard deviations
+  side.sd_of_edge.fill(1);
+  side.sd_of_pairs.fill(1);
+  for (Sample* s : samples) s->outlier = std::abs(s->error_m) > 0.5e-3;
+  for (int round = 0; round < 8; ++round) {
+    side.mean_m = MeanByIncidence(samples, [](const Sample& s) { return s.error_m; });
+    std::map<std::pair<int, int>, Moments> offsets;  // of a take and pair
+    const auto unbiased = [&](const Sample& s) {
+      return s.error_m - side.mean_m[sim::IncidenceBin(s.view)];
+    };
+    for (const Sample* s : samples) {
+      if (!s->outlier) offsets[{s->take, s->view.pair}].Add(unbiased(*s));
+    }
+    Moments offset;
+    for (const auto& [key, m] : offsets) {
+      if (m.weight >= 500) offset.Add(m.Mean());
+    }
+    side.pair_bias_m = offset.Rms();
+    const auto rest = [&](const Sample& s) {
+      return unbiased(s) - offsets[{s.take, s.view.pair}].Mean();
+    };
+    const auto edge = [&](const Sample& s) { return side.sd_of_edge[sim::EdgeBin(s.view)]; };
+    const auto pairs = [&](const Sample& s) { return side.sd_of_pairs[sim::PairBin(s.view)]; };
+    const auto sd = [&](const Sample& s) { return side.sd_m[sim::IncidenceBin(s.view)]; };
+    side.sd_m = RmsBy<sim::kIncidenceBins>(samples, sim::IncidenceBin, [&](const Sample& s) {
+      return rest(s) / (edge(s) * pairs(s));
+    });
+    side.sd_of_edge = RmsBy<sim::kEdgeBins>(
+        samples, sim::EdgeBin, [&](const Sample& s) { return rest(s) / (sd(s) * pairs(s)); });
+    side.sd_of_pairs = RmsBy<sim::kPairBins>(
+        samples, sim::PairBin, [&](const Sample& s) { return rest(s) / (sd(s) * edge(s)); });
+    for (Sample* s : samples) {
+      s->scaled = rest(*s) / (sd(*s) * edge(*s) * pairs(*s));
+      s->outlier = std::abs(s->scaled) > kOutlier;
+    }
+  }
+  std::array<Moments, sim::kEdgeBins> outliers;
+  Moments far;
+  for (const Sample* s : samples) {
+    outliers[sim::EdgeBin(s->view)].Add(s->outlier);
+    if (s->outlier) far.Add(std::abs(s->error_m));
+  }
+  for (std::size_t i = 0; i < outliers.size(); ++i) side.outlier_share[i] = outliers[i].Mean();
+  side.outlier_m = far.Mean();
+}
+
+/// Points per place where everything is well seen: reconstruction has tried more of each cell.
+double MeasureDensity(const Samples& all) {
+  const auto good = [](const ScanView& view) {
+    return sim::EdgeBin(view) + 1 == sim::kEdgeBins && sim::IncidenceBin(view) < 4;
+  };
+  double points = 0, places = 0;
+  for (const Sample& s : all.points) points += good(s.view);
+  for (const Place& p : all.places) places += good(p.view);
+  Require(places > 0, "no part of the surface is well seen");
+  return points / places;
+}
+
+void MeasureCompleteness(const Samples& all, bool glass, double density, sim::SideNoise& side) {
+  std::array<std::array<double, sim::kEdgeBins>, sim::kIncidenceBins> found{}, wanted{};
+  for (const Sample& s : all.points) {
+    if (s.view.through_glass == glass) ++found[sim::IncidenceBin(s.view)][sim::EdgeBin(s.view)];
+  }
+  for (const Place& p : all.places) {
+    if (p.view.through_glass == glass)
+      wanted[sim::IncidenceBin(p.view)][sim::EdgeBin(p.view)] += density;
+  }
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    for (std::size_t e = 0; e < found[i].size(); ++e)
+      side.completeness[i][e] = wanted[i][e] > 0 ? std::min(1.0, found[i][e] / wanted[i][e]) : 0;
+  }
+  for (std::size_t e = 0; e < sim::kEdgeBins;
+       ++e) {  // Classes that hardly occur: as the next steeper.
+    std::array<double, sim::kIncidenceBins> column{}, counts{};
+    for (std::size_t i = 0; i < column.size(); ++i)
+      column[i] = side.completeness[i][e], counts[i] = wanted[i][e];
+    FillGaps(column, counts);
+    for (std::size_t i = 0; i < column.size(); ++i) side.completeness[i][e] = column[i];
+  }
+}
+
+sim::SideNoise MeasureSide(Samples& all, bool glass, double density) {
+  std::vector<Sample*> samples;
+  for (Sample& s : all.points) {
+    if (s.view.through_glass == glass) samples.push_back(&s);
+  }
+  Require(samples.size() > 1000, "too few points to measure noise on one side of the glass");
+  sim::SideNoise side;
+  MeasureErrors(samples, side);
+  side.stated_sigma_m = MeanByIncidence(samples, [](const Sample& s) { return s.sigma_m; });
+  side.normal_rad = RmsBy<sim::kIncidenceBins>(samples, sim::IncidenceBin, [](const Sample& s) {
+    return std::min(s.normal_off_rad, 0.5) / std::sqrt(2.0);
+  });
+  std::vector<bench::FieldSample> field;
+  for (const Sample* s : samples) {
+    if (!s->outlier) field.push_back({s->frame, s->point_m, s->scaled});
+  }
+  side.components = bench::FitComponents(bench::MeasureCovariance(field));
+  MeasureCompleteness(all, glass, density, side);
+  return side;
+}
+
+/// Distance at which the covariance of gaps has fallen to exp(-1/2).
+double MeasureHoleLength(const Samples& all, const sim::ScanNoise& noise) {
+  std::vector<bench::FieldSample> field;
+  for (const Place& p : all.places) {
+    const double share =
+        noise.Side(p.view).completeness[sim::IncidenceBin(p.view)][sim::EdgeBin(p.view)];
+    field.push_back({p.frame, p.point_m, (p.there ? 1.0 : 0.0) - share});
+  }
+  return bench::FallLength(bench::MeasureCovariance(field));
+}
+
+void Print(const char* name, const sim::SideNoise& side) {
+  fmt::print("{}: pair offsets {:.1f} um, outliers {:.3f} mm off\n", name, 1e6 * side.pair_bias_m,
+             1e3 * side.outlier_m);
+  for (std::size_t i = 0; i < sim::kIncidenceBins; ++i) {
+    fmt::print(
+        "  {:2}-{:2} deg: sd {:5.1f} um, mean {:+5.1f} um, stated {:5.1f} um, normals {:.3f} rad, "
+        "completeness {:.3f}\n",
+        10 * i, 10 * i + 10, 1e6 * side.sd_m[i], 1e6 * side.mean_m[i], 1e6 * side.stated_sigma_m[i],
+        side.normal_rad[i], fmt::join(side.completeness[i], " "));
+  }
+  fmt::print("  by edge {:.2f}, by pairs {:.2f}, outliers by edge {:.5f}\n",
+             fmt::join(side.sd_of_edge, " "), fmt::join(side.sd_of_pairs, " "),
+             fmt::join(side.outlier_share, " "));
+  for (const sim::NoiseComponent& c : side.components)
+    fmt::print("  {:.0f} % of the variance over {:.1f} mm\n", 100 * c.share, 1e3 * c.length_m);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  std::vector<std::string> takes;
+  std::string out, note;
+  CLI::App program("Measures the noise of reconstructed scans against the truth");
+  program.add_option("TAKE", takes, "Processed simulated takes")->required();
+  program.add_option("--out", out, "Parameter file to write");
+  program.add_option("--note", note, "What the takes are, for people");
+  CLI11_PARSE(program, argc, argv);
+  try {
+    sim::ScanNoise noise;
+    Samples all;
+    for (std::size_t i = 0; i < takes.size(); ++i)
+      all = ReadTake(takes[i], noise.voxel_m, static_cast<int>(i), std::move(all));
+    const double density = MeasureDensity(all);
+    noise.glass = MeasureSide(all, true, density);
+    noise.air = MeasureSide(all, false, density);
+    noise.hole_length_m = MeasureHoleLength(all, noise);
+    noise.voxel_m /= std::sqrt(density);
+    noise.measured_on = fmt::format("{} points of {} takes{}{}", all.points.size(), takes.size(),
+                                    note.empty() ? "" : ": ", note);
+    fmt::print(
+        "{} points, {} of them where no pair sees the surface; gaps over {:.1f} mm, "
+        "cells of {:.2f} mm\n",
+        all.points.size(), all.unseen, 1e3 * noise.hole_length_m, 1e3 * noise.voxel_m);
+    Print("glass", noise.glass);
+    Print("air", noise.air);
+    if (!out.empty()) io::WriteStringAtomically(out, sim::FormatScanNoise(noise));
+    return 0;
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "{}\n", error.what());
+    return 1;
+  }
+}
