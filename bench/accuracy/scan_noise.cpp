@@ -301,6 +301,39 @@ double MeasureHoleLength(const Samples& all, const sim::ScanNoise& noise) {
   return bench::FallLength(bench::MeasureCovariance(field));
 }
 
+/// RMS of the points within 1 mm of the surface, and how many points there are.
+struct CloudFigures {
+  Moments near;
+  double points = 0;
+  void Add(const TriangleMesh& truth, const PointCloud& cloud) {
+    const model::SurfaceQuery query(truth);
+    for (const Eigen::Vector3f& p : cloud.points_m) {
+      if (const auto hit = query.Closest(p.cast<double>(), 0.001)) near.Add(hit->distance_m);
+    }
+    points += static_cast<double>(cloud.Size());
+  }
+};
+
+/// Reconstructed clouds next to clouds made with the parameters, of the same true surfaces.
+void Compare(const std::vector<std::string>& takes, const sim::ScanNoise& noise) {
+  CloudFigures real, made;
+  const std::vector<std::uint8_t> dark = CutVertices();
+  for (const std::string& directory : takes) {
+    const io::TakePaths paths{directory};
+    const RigConfig config = io::TakeReader(directory).Config();
+    const sim::TrueRig rig = ReadTrueRig(paths.TruthRig());
+    for (const app::FrameTruth& frame : app::ReadTruth(directory).frames) {
+      if (!std::filesystem::exists(paths.Scan(frame.trigger))) continue;
+      real.Add(frame.mesh, io::ReadPlyCloud(paths.Scan(frame.trigger)));
+      const auto views = sim::FindScanViews(config, rig, frame.mesh, dark);
+      made.Add(frame.mesh, sim::MakeScanCloud(frame.mesh, views, noise));
+    }
+  }
+  fmt::print(
+      "surface RMS within 1 mm: reconstructed {:.1f} um, made {:.1f} um; points: {:.0f}, {:.0f}\n",
+      1e6 * real.near.Rms(), 1e6 * made.near.Rms(), real.points, made.points);
+}
+
 void Print(const char* name, const sim::SideNoise& side) {
   fmt::print("{}: pair offsets {:.1f} um, outliers {:.3f} mm off\n", name, 1e6 * side.pair_bias_m,
              1e3 * side.outlier_m);
@@ -346,6 +379,7 @@ int main(int argc, char** argv) {
         all.points.size(), all.unseen, 1e3 * noise.hole_length_m, 1e3 * noise.voxel_m);
     Print("glass", noise.glass);
     Print("air", noise.air);
+    Compare(takes, noise);
     if (!out.empty()) io::WriteStringAtomically(out, sim::FormatScanNoise(noise));
     return 0;
   } catch (const std::exception& error) {
