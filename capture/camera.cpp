@@ -183,6 +183,13 @@ struct Camera::State {
     }
   }
 
+  /// The device, kept open while the caller has it. Throws Error while Reopen is at work.
+  GObjectPtr<ArvCamera> Device() const {
+    const std::lock_guard lock(device_mutex);
+    Require(camera != nullptr, Name(config) + " is not open");
+    return GObjectPtr<ArvCamera>(static_cast<ArvCamera*>(g_object_ref(camera.get())));
+  }
+
   CameraConfig config;
   mutable std::mutex device_mutex;  ///< of the two pointers, which Reopen replaces
   GObjectPtr<ArvCamera> camera;
@@ -324,8 +331,9 @@ std::optional<std::int64_t> Camera::HostMinusDeviceNs() {
 }
 
 void Camera::SoftwareTrigger() {
+  const GObjectPtr<ArvCamera> camera = state_->Device();
   GErrorGuard error;
-  arv_camera_software_trigger(state_->camera.get(), error.Out());
+  arv_camera_software_trigger(camera.get(), error.Out());
   error.Check(Name(state_->config) + " refuses the software trigger");
 }
 

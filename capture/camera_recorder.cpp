@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <utility>
 
 #include "capture/camera_recorder_internal.h"
@@ -17,6 +18,7 @@ CameraRecorder::CameraRecorder(Camera& camera, const CameraSync& sync, const Tri
       matcher_(sync, options_.period_ns),
       holding_(options_.hold_frames > 0) {
   counts_.serial = camera.Config().serial;
+  before_ = camera.Statistics();
   last_arrival_ns_ = HostNowNs();
   writer_ = std::thread([this] { Write(); });
   camera_.SetHandler([this](const CameraFrame& frame) { OnFrame(frame); });
@@ -38,6 +40,7 @@ void CameraRecorder::Join() {
 void CameraRecorder::Release(std::int64_t first_trigger) {
   const std::scoped_lock locks(match_mutex_, mutex_);
   first_trigger_ = first_trigger;
+  before_ = camera_.Statistics();
   const std::string serial = counts_.serial;
   counts_ = {};
   counts_.serial = serial;
@@ -87,6 +90,7 @@ void CameraRecorder::OnFrame(const CameraFrame& frame) {
   }
   if (match.edge.sequence < first_trigger_) return;
   if (match.outcome == MatchOutcome::kRealigned) ++counts_.realigned;
+  (match.id_jump < 0 ? counts_.ids_behind : counts_.ids_ahead) += std::abs(match.id_jump);
   const double latency_s = static_cast<double>(frame.host_time_ns - match.edge.actual_ns) * 1e-9;
   latency_sum_s_ += latency_s;
   counts_.latency_max_s = std::max(counts_.latency_max_s, latency_s);
@@ -160,9 +164,9 @@ CameraRecord CameraRecorder::Result(std::int64_t fired) const {
   const auto arrived = arrived_.load();
   record.latency_mean_s = arrived > 0 ? latency_sum_s_ / static_cast<double>(arrived) : 0;
   const CameraStatistics statistics = camera_.Statistics();
-  record.resent_packets = statistics.resent_packets;
-  record.missing_packets = statistics.missing_packets;
-  record.underruns = statistics.underruns;
+  record.resent_packets = statistics.resent_packets - before_.resent_packets;
+  record.missing_packets = statistics.missing_packets - before_.missing_packets;
+  record.underruns = statistics.underruns - before_.underruns;
   return record;
 }
 

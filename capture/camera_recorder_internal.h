@@ -86,6 +86,7 @@ class CameraRecorder {
   std::int64_t first_trigger_ = 1;
   bool clock_unknown_ = false;
   CameraRecord counts_;
+  CameraStatistics before_;  ///< what the camera counted before the take
   double latency_sum_s_ = 0;
 
   mutable std::mutex mutex_;  ///< of the queue

@@ -24,8 +24,8 @@ void FrameMatcher::Retie(std::int64_t host_minus_device_ns) {
 
 FrameMatch FrameMatcher::Claim(MatchOutcome outcome, const TriggerEdge& edge,
                                std::int64_t residual_ns) {
-  if (!taken_.insert(edge.sequence).second) return {MatchOutcome::kRepeated, edge, residual_ns};
-  return {outcome, edge, residual_ns};
+  if (!taken_.insert(edge.sequence).second) return {MatchOutcome::kRepeated, edge, residual_ns, 0};
+  return {outcome, edge, residual_ns, 0};
 }
 
 FrameMatch FrameMatcher::Match(std::int64_t frame_id, std::uint64_t device_time_ns, bool complete,
@@ -47,8 +47,12 @@ FrameMatch FrameMatcher::Match(std::int64_t frame_id, std::uint64_t device_time_
   if (!by_time || std::abs(time_ns - by_time->actual_ns) >= window_ns_) return {};
   const MatchOutcome outcome =
       id_of_trigger_zero_ ? MatchOutcome::kRealigned : MatchOutcome::kMatched;
-  const FrameMatch match = Claim(outcome, *by_time, time_ns - by_time->actual_ns);
-  if (match.outcome == outcome) id_of_trigger_zero_ = frame_id - by_time->sequence;
+  FrameMatch match = Claim(outcome, *by_time, time_ns - by_time->actual_ns);
+  if (match.outcome == outcome) {
+    const std::int64_t zero = frame_id - by_time->sequence;
+    match.id_jump = zero - id_of_trigger_zero_.value_or(zero);
+    id_of_trigger_zero_ = zero;
+  }
   return match;
 }
 

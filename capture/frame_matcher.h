@@ -26,6 +26,7 @@ struct FrameMatch {
   MatchOutcome outcome = MatchOutcome::kUnknown;
   TriggerEdge edge;              ///< valid for kMatched, kRealigned and kRepeated
   std::int64_t residual_ns = 0;  ///< frame's time on the host clock minus the edge's actual time
+  std::int64_t id_jump = 0;      ///< of kRealigned: ids that ran ahead (> 0) or fell behind (< 0)
 };
 
 /// Assigns one camera's frames to triggers: by unwrapped frame id, verified by the camera's

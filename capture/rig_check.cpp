@@ -5,6 +5,7 @@
 #include <mutex>
 #include <optional>
 
+#include "capture/disk_check.h"
 #include "capture/host_clock.h"
 #include "capture/rig_session_internal.h"
 #include "core/error.h"
@@ -33,6 +34,7 @@ class Check {
       Open(i);
     }
     if (!cameras_.empty()) CheckTriggers();
+    if (!options_.disk.empty()) CheckDisk();
     CloseCameras(cameras_);
     return result_;
   }
@@ -50,6 +52,29 @@ class Check {
       Add(Severity::kWarning, "",
           "socket buffers are limited to " + std::to_string(limit) + " bytes: frames may get lost",
           "sudo sysctl -w net.core.rmem_max=" + std::to_string(kSocketBufferWanted));
+    }
+  }
+
+  void CheckDisk() {
+    const double needed = result_.needed_bytes_per_s = WriteRateNeeded(config_);
+    try {
+      const double rate = result_.disk_bytes_per_s = MeasureDisk(options_.disk, config_);
+      const double minutes = RoomLeft(options_.disk, config_.disk) / needed / 60;
+      const auto mega = [](double value) {
+        return std::to_string(static_cast<long long>(value / 1e6 + 0.5)) + " MB/s";
+      };
+      const std::string what = "disk takes " + mega(rate) + ", recording needs " + mega(needed);
+      if (rate * config_.disk.max_share < needed) {
+        Add(Severity::kError, "", what, "lower rate_hz or the image size, or use a faster disk");
+      } else if (minutes < 1) {
+        Add(Severity::kError, "", what + ", but it is full after " +
+                                      std::to_string(static_cast<int>(std::max(0.0, 60 * minutes))) + " s",
+            "make room");
+      } else {
+        Add(Severity::kOk, "", what + ", room for " + std::to_string(static_cast<long long>(minutes)) + " min");
+      }
+    } catch (const Error& error) {
+      result_.findings.push_back(FindingFrom("", error.what()));
     }
   }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -35,16 +36,19 @@ struct RigCameraCheck {
 struct RigCheckResult {
   std::vector<RigCameraCheck> cameras;  ///< rig order
   std::vector<RigFinding> findings;     ///< at least one per camera
+  double disk_bytes_per_s = 0;          ///< measured; 0: not measured
+  double needed_bytes_per_s = 0;        ///< by recording with this rig
   bool Ok() const;                      ///< no finding is an error
 };
 
 struct RigCheckOptions {
-  int triggers = 10;  ///< test triggers after the warm-up
+  int triggers = 10;           ///< test triggers after the warm-up
+  std::filesystem::path disk;  ///< directory for takes, whose disk is measured; empty: none
   LogFunction log;
 };
 
-/// Opens every camera, writes and reads back its settings, fires warm-up and test triggers and says
-/// what is wrong. Problems of the rig are findings; throws Error only if `config` itself is
+/// Opens every camera, writes and reads back its settings, fires warm-up and test triggers, measures
+/// latency, loss and the disk, and says what is wrong. Problems of the rig are findings; throws Error only if `config` itself is
 /// impossible.
 RigCheckResult CheckRig(const RigConfig& config, const RigCheckOptions& options = {});
 

@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "capture/rig_session_internal.h"
+#include "core/error.h"
 
 namespace sole::capture {
 
@@ -37,8 +38,15 @@ std::unique_ptr<Trigger> MakeTrigger(const RigConfig& config, const CameraList& 
     return MakeGpioTrigger(options);
   }
   std::vector<std::function<void()>> fire;
-  for (const auto& camera : cameras)
-    fire.push_back([device = camera.get()] { device->SoftwareTrigger(); });
+  for (const auto& camera : cameras) {
+    fire.push_back([device = camera.get()] {
+      try {
+        device->SoftwareTrigger();
+      } catch (const Error&) {
+        // A camera that went away: its frame is missing, and the others want their trigger.
+      }
+    });
+  }
   return MakeSoftwareTrigger(std::move(fire));
 }
 

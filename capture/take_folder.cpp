@@ -1,5 +1,6 @@
 #include <system_error>
 
+#include "capture/disk_check.h"
 #include "capture/take_folder_internal.h"
 #include "core/error.h"
 #include "io/atomic_file.h"
@@ -9,27 +10,7 @@ namespace sole::capture {
 
 namespace fs = std::filesystem;
 
-namespace {
-
-constexpr double kMarginBytes = 64.0 * 1024 * 1024;
-
-std::string Megabytes(double bytes) {
-  return std::to_string(static_cast<long long>(bytes / 1e6)) + " MB";
-}
-
-void RequireRoom(const fs::path& directory, double bytes) {
-  std::error_code error;
-  const fs::space_info space = fs::space(directory, error);
-  const double needed = bytes * 1.02 + kMarginBytes;
-  Require(error || static_cast<double>(space.available) >= needed,
-          "too little room for the take in " + directory.string() + ": " + Megabytes(needed) +
-              " needed, " + Megabytes(static_cast<double>(space.available)) +
-              " free: delete something or record fewer triggers");
-}
-
-}  // namespace
-
-TakeFolder::TakeFolder(const fs::path& directory, double bytes) : paths_{directory} {
+TakeFolder::TakeFolder(const fs::path& directory, const RigConfig& config, double bytes) : paths_{directory} {
   std::error_code error;
   const bool exists = fs::exists(directory, error);
   Require(!exists || fs::is_directory(directory, error),
@@ -46,7 +27,7 @@ TakeFolder::TakeFolder(const fs::path& directory, double bytes) : paths_{directo
     const fs::path probe = directory / "cameras" / "write-test";
     io::WriteStringAtomically(probe, "x");
     fs::remove(probe, error);
-    RequireRoom(directory, bytes);
+    if (bytes > 0) RequireDisk(directory / "cameras", config, bytes);
   } catch (...) {
     fs::remove(directory / "cameras", error);
     if (created_) fs::remove(directory, error);
@@ -71,16 +52,32 @@ double BytesNeeded(const RigConfig& config, std::int64_t triggers) {
 }
 
 std::vector<io::TriggerRecord> TriggerRecords(const std::vector<TriggerEdge>& edges,
-                                              double exposure_s) {
+                                              double exposure_s,
+                                              const std::vector<ExposureEcho>* echoes) {
   std::vector<io::TriggerRecord> records;
-  for (const TriggerEdge& edge : edges) {
+  if (edges.empty()) return records;
+  const std::int64_t zero = edges.front().scheduled_ns;
+  const auto seconds = [&](std::int64_t ns) { return static_cast<double>(ns - zero) * 1e-9; };
+  std::size_t echo = 0;
+  for (std::size_t i = 0; i < edges.size(); ++i) {
     io::TriggerRecord record;
-    record.trigger = edge.sequence;
-    record.kind = edge.kind;
-    record.scheduled_s = static_cast<double>(edge.scheduled_ns - edges.front().scheduled_ns) * 1e-9;
-    record.actual_s = static_cast<double>(edge.actual_ns - edges.front().scheduled_ns) * 1e-9;
+    record.trigger = static_cast<std::int64_t>(i) + 1;
+    record.kind = edges[i].kind;
+    record.scheduled_s = seconds(edges[i].scheduled_ns);
+    record.actual_s = seconds(edges[i].actual_ns);
     record.exposure_start_s = record.actual_s;
     record.exposure_end_s = record.actual_s + exposure_s;
+    if (echoes != nullptr) {
+      record.exposure_end_s = record.actual_s;
+      while (echo < echoes->size() && (*echoes)[echo].start_ns < edges[i].actual_ns) ++echo;
+      const bool ours =
+          echo < echoes->size() &&
+          (i + 1 == edges.size() || (*echoes)[echo].start_ns < edges[i + 1].actual_ns);
+      if (ours) {
+        record.exposure_start_s = seconds((*echoes)[echo].start_ns);
+        record.exposure_end_s = seconds((*echoes)[echo].end_ns);
+      }
+    }
     records.push_back(record);
   }
   return records;

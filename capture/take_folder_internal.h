@@ -12,9 +12,9 @@ namespace sole::capture {
 /// away what was made in it.
 class TakeFolder {
  public:
-  /// Throws Error if the directory holds anything, is not writable or has less room than `bytes`
-  /// and a margin.
-  TakeFolder(const std::filesystem::path& directory, double bytes);
+  /// Throws Error if the directory holds anything, is not writable, or if the disk is too full or
+  /// too slow for `bytes` of this rig's images (RequireDisk); 0 = images are not stored.
+  TakeFolder(const std::filesystem::path& directory, const RigConfig& config, double bytes);
   ~TakeFolder();
   TakeFolder(const TakeFolder&) = delete;
   TakeFolder& operator=(const TakeFolder&) = delete;
@@ -31,11 +31,28 @@ class TakeFolder {
 /// Bytes that `triggers` frames of every camera take.
 double BytesNeeded(const RigConfig& config, std::int64_t triggers);
 
-/// Edges as lines of triggers.csv, relative to the first scheduled one.
+/// Edges as lines of triggers.csv, numbered from 1, relative to the first scheduled one. Exposures
+/// take `exposure_s`; with `echoes` they are what was read back, and an edge without an echo has an
+/// exposure of no length.
 std::vector<io::TriggerRecord> TriggerRecords(const std::vector<TriggerEdge>& edges,
-                                              double exposure_s);
+                                              double exposure_s,
+                                              const std::vector<ExposureEcho>* echoes = nullptr);
 
-/// Fills verdict and reasons of `result` from its counts.
-void Judge(RecordResult& result, std::int64_t planned, double usable_loss);
+/// Findings on some images of the take (CheckImages), compared with the take `reference` if that is
+/// not empty.
+std::vector<TakeFinding> CheckTakeImages(const std::filesystem::path& directory,
+                                         const RigConfig& config,
+                                         const std::filesystem::path& reference);
+/// Throws Error if the reference take cannot serve.
+void RequireReference(const std::filesystem::path& directory, const RigConfig& config);
+
+/// Findings on what the cameras delivered.
+std::vector<TakeFinding> DeliveryFindings(const RecordResult& result, double usable_loss,
+                                          double period_s);
+
+/// Fills verdict and reasons of `result` from its counts and `findings`. `planned` triggers; 0: open
+/// end.
+void Judge(RecordResult& result, std::int64_t planned, double usable_loss, double period_s = 0.1,
+           const std::vector<TakeFinding>& findings = {});
 
 }  // namespace sole::capture

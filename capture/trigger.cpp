@@ -34,7 +34,7 @@ std::unique_ptr<Trigger> MakeSoftwareTrigger(std::vector<std::function<void()>> 
 }
 
 std::int64_t FireSchedule(Trigger& trigger, const TriggerSchedule& schedule, TriggerLog& log,
-                          const std::atomic<bool>* stop) {
+                          const std::atomic<bool>* stop, const std::atomic<std::int64_t>* last) {
   Require(schedule.period_ns > 0 && !schedule.cycle.empty(),
           "trigger schedule needs a period and a cycle");
   const auto kinds = static_cast<std::int64_t>(schedule.cycle.size());
@@ -50,6 +50,7 @@ std::int64_t FireSchedule(Trigger& trigger, const TriggerSchedule& schedule, Tri
     edge.scheduled_ns =
         schedule.start_ns + i / kinds * kinds * schedule.period_ns + i % kinds * step;
     if (!SleepUntilNs(std::max(edge.scheduled_ns, earliest), stop)) return i;
+    if (last != nullptr && edge.sequence > last->load()) return i;
     edge.actual_ns = HostNowNs();
     earliest = edge.actual_ns + shortest * 4 / 5;
     log.Append(edge);

@@ -88,9 +88,11 @@ struct TriggerSchedule {
 /// Fires the schedule from the calling thread by absolute deadlines, so that lateness of one edge
 /// does not move the next. An edge that is late keeps four fifths of a period to the one before it,
 /// because cameras cannot expose faster. Every edge is appended to `log` just before it goes out.
-/// Returns the number fired, fewer than count if `stop` became true.
+/// Returns the number fired, fewer than count if `stop` became true or `last`, which may be set
+/// meanwhile, is the sequence of the edge before.
 std::int64_t FireSchedule(Trigger& trigger, const TriggerSchedule& schedule, TriggerLog& log,
-                          const std::atomic<bool>* stop = nullptr);
+                          const std::atomic<bool>* stop = nullptr,
+                          const std::atomic<std::int64_t>* last = nullptr);
 
 /// While it lives, the calling thread runs with SCHED_FIFO (priority 40) and the process' memory
 /// stays resident. What the system refuses is reported through `log` and does without.

@@ -19,6 +19,7 @@ struct TakeInfo {
   int format_version = 1;
   std::string name;
   std::string subject;  ///< pseudonym
+  std::string consent;  ///< what the subject agreed to, in the lab's words; may be empty
   std::string notes;
   std::string created;   ///< ISO 8601, UTC
   std::string software;  ///< Sole's version

@@ -62,6 +62,8 @@ TakeInfo ReadTakeInfo(const TakePaths& take) {
               " is unknown: use the version of Sole that recorded it");
   info.name = Get<std::string>(json, "name", where);
   info.subject = Get<std::string>(json, "subject", where);
+  // Takes recorded before consent was asked for have no such key.
+  if (json.contains("consent")) info.consent = Get<std::string>(json, "consent", where);
   info.notes = Get<std::string>(json, "notes", where);
   info.created = Get<std::string>(json, "created", where);
   info.software = Get<std::string>(json, "software", where);
@@ -85,7 +87,8 @@ void WriteTakeInfo(const TakePaths& take, const TakeInfo& info) {
   RequireOneOf(info.verdict, kVerdicts, "verdict", where);
   const Json json{{"format", "sole-take"},     {"format_version", info.format_version},
                   {"units", "SI: m, s, rad"},  {"name", info.name},
-                  {"subject", info.subject},   {"notes", info.notes},
+                  {"subject", info.subject},   {"consent", info.consent},
+                  {"notes", info.notes},
                   {"created", info.created},   {"software", info.software},
                   {"rig_hash", info.rig_hash}, {"state", info.state},
                   {"verdict", info.verdict},   {"reasons", info.reasons}};

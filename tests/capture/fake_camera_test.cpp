@@ -8,6 +8,7 @@
 #include "capture/discovery.h"
 #include "capture/recorder.h"
 #include "capture/rig_check.h"
+#include "capture/rig_draft.h"
 #include "core/error.h"
 #include "io/take.h"
 #include "tests/support/error_matcher.h"
@@ -55,6 +56,7 @@ TEST_F(FakeCameraTest, RecordsWithSoftwareTrigger) {
   RecordOptions options;
   options.directory = scratch.Path() / "take";
   options.triggers = 4;
+  options.check_images = false;  // a pattern shows no foot
   const RecordResult result = Record(config, options);
   EXPECT_THAT(result.reasons, IsEmpty());
   EXPECT_EQ(result.verdict, "good");
@@ -79,6 +81,13 @@ TEST_F(FakeCameraTest, IsListed) {
   bool listed = false;
   for (const FoundCamera& camera : ListCameras()) listed = listed || camera.serial == "FOREIGN1";
   EXPECT_TRUE(listed);
+}
+
+TEST_F(FakeCameraTest, RigFileIsDraftedFromIt) {
+  const RigDraft draft = DraftRig({.serials = {"FOREIGN1"}});
+  ASSERT_EQ(draft.config.cameras.size(), 1u);
+  EXPECT_GT(draft.config.cameras[0].width, 256);
+  EXPECT_EQ(draft.config.trigger.source, "software") << "it has no line";
 }
 
 TEST_F(FakeCameraTest, SecondControllerIsTold) {

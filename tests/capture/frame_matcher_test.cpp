@@ -68,6 +68,7 @@ TEST_F(FrameMatcherTest, MissedEdgeIsFoundByTimeAndRealignsIds) {
   const FrameMatch moved = Match(kSyncId + 2, 3);
   EXPECT_EQ(moved.outcome, MatchOutcome::kRealigned);
   EXPECT_EQ(moved.edge.sequence, 3);
+  EXPECT_EQ(moved.id_jump, -1);
   ExpectMatched(Match(kSyncId + 3, 4), 4);
   ExpectMatched(Match(kSyncId + 4, 5), 5);
 }
@@ -78,6 +79,7 @@ TEST_F(FrameMatcherTest, SkippedIdIsFoundByTimeAlsoWhenItsTriggerIsStillToCome) 
   const FrameMatch moved = Match(kSyncId + 3, 2);
   EXPECT_EQ(moved.outcome, MatchOutcome::kRealigned);
   EXPECT_EQ(moved.edge.sequence, 2);
+  EXPECT_EQ(moved.id_jump, 1);
 }
 
 TEST_F(FrameMatcherTest, RepeatedTimestampDoesNotPassAsTheNextTrigger) {

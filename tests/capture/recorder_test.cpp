@@ -35,6 +35,7 @@ RecordOptions OptionsFor(const TempDir& scratch, std::int64_t triggers) {
   options.notes = "left foot";
   options.software = "test";
   options.triggers = triggers;
+  options.check_images = false;  // noise shows no foot
   return options;
 }
 
@@ -56,6 +57,7 @@ int ExpectImagesUnderTheirTriggers(const fs::path& directory) {
 
 TEST(Record, StoresEveryImageUnderItsTrigger) {
   SimulatedRig rig(81, 4);
+  rig.config.trigger.rate_hz = 20.0 / 3;  // cycles of three
   const TempDir scratch;
   RecordOptions options = OptionsFor(scratch, 10);
   options.cycle = {ExposureKind::kSpeckle, ExposureKind::kSpeckle, ExposureKind::kTexture};
@@ -119,7 +121,9 @@ TEST(Record, LostPacketsAreSentAgain) {
   const RecordOptions options = OptionsFor(scratch, 30);
   const RecordResult result = Record(rig.config, options);
   EXPECT_GT(result.cameras[0].resent_packets + result.cameras[1].resent_packets, 0u);
-  EXPECT_EQ(result.verdict, "good") << ::testing::PrintToString(result.reasons);
+  EXPECT_EQ(result.FramesGood(), 60);
+  EXPECT_EQ(result.verdict, "usable");
+  EXPECT_THAT(result.reasons, Contains(HasSubstr("had to be sent again")));
   EXPECT_EQ(ExpectImagesUnderTheirTriggers(options.directory), 60);
 }
 
@@ -158,6 +162,130 @@ TEST(Record, CameraThatDiesIsCountedAndTheVerdictIsRepeat) {
   EXPECT_THAT(lines, Contains(AllOf(HasSubstr(rig.config.cameras[1].serial), HasSubstr("silent"))));
   EXPECT_EQ(ExpectImagesUnderTheirTriggers(options.directory),
             static_cast<int>(result.FramesGood()));
+}
+
+TEST(Record, CameraThatRestartsIsBroughtBackWithItsSettings) {
+  const std::string serial = "T101C2";
+  SimulatedRig rig(101, 2, {.schedule = {MakeFault("reboot", serial, 1.0, "", 6)}});
+  rig.config.cameras[1].exposure_us = 1234;  // not what it has after power-up
+  const TempDir scratch;
+  RecordOptions options = OptionsFor(scratch, 160);
+  int faults = 0;
+  options.on_event = [&](RecordEvent event) { faults += event == RecordEvent::kFault ? 1 : 0; };
+  const RecordResult result = Record(rig.config, options);
+  EXPECT_EQ(result.cameras[0].good, 160) << "the other camera goes on";
+  const CameraRecord& camera = result.cameras[1];
+  ASSERT_EQ(camera.gaps.size(), 1u);
+  EXPECT_TRUE(camera.gaps[0].ended);
+  EXPECT_TRUE(camera.gaps[0].reopened);
+  EXPECT_GT(camera.gaps[0].seconds, 0.5);
+  EXPECT_GT(camera.good, 20);
+  EXPECT_EQ(camera.good + camera.lost, 160);
+  EXPECT_LT(camera.lost_triggers.back(), 160) << "its last frames are there";
+  EXPECT_THAT(result.reasons, Contains(AllOf(HasSubstr(serial), HasSubstr("connected again"))));
+  EXPECT_EQ(result.verdict, "repeat");
+  EXPECT_GE(faults, 1);
+  EXPECT_EQ(ExpectImagesUnderTheirTriggers(options.directory),
+            static_cast<int>(result.FramesGood()));
+}
+
+TEST(Record, ShortBreakOfTheLinkEndsByItself) {
+  SimulatedRig rig(102, 2, {.schedule = {MakeFault("dead-link", "T102C1", 0.7, "", 6)}});
+  const TempDir scratch;
+  const RecordOptions options = OptionsFor(scratch, 60);
+  const RecordResult result = Record(rig.config, options);
+  EXPECT_EQ(result.cameras[1].good, 60);
+  const CameraRecord& camera = result.cameras[0];
+  ASSERT_EQ(camera.gaps.size(), 1u);
+  EXPECT_TRUE(camera.gaps[0].ended);
+  EXPECT_FALSE(camera.gaps[0].reopened);
+  EXPECT_EQ(camera.realigned, 0) << "ids went on counting";
+  EXPECT_EQ(ExpectImagesUnderTheirTriggers(options.directory),
+            static_cast<int>(result.FramesGood()));
+}
+
+TEST(Record, KeyStartsWithPreRollAndStopsWithPostRoll) {
+  SimulatedRig rig(103, 2);
+  rig.config.trigger.pre_roll_s = 0.2;
+  rig.config.trigger.post_roll_s = 0.2;
+  const TempDir scratch;
+  RecordOptions options = OptionsFor(scratch, 0);
+  options.start = StartOn::kKey;
+  std::int64_t waited = 0, recorded = 0;
+  TakePhase phase = TakePhase::kWaiting;
+  options.progress = [&](const RecordProgress& progress) {
+    phase = progress.phase;
+    waited += progress.phase == TakePhase::kWaiting ? 1 : 0;
+    recorded = progress.fired;
+  };
+  int hits = 0;
+  options.key = [&] {
+    const bool hit = (phase == TakePhase::kWaiting && waited == 12) ||
+                     (phase == TakePhase::kRecording && recorded >= 20 && hits < 2);
+    if (hit) {
+      ++hits;
+      waited = recorded = 0;
+    }
+    return hit;
+  };
+  std::vector<RecordEvent> events;
+  options.on_event = [&](RecordEvent event) { events.push_back(event); };
+  const RecordResult result = Record(rig.config, options);
+  EXPECT_EQ(result.verdict, "good") << ::testing::PrintToString(result.reasons);
+  EXPECT_THAT(events, ElementsAre(RecordEvent::kStart, RecordEvent::kStop));
+  EXPECT_GE(result.triggers, 20);
+  EXPECT_EQ(result.FramesGood(), 2 * result.triggers);
+
+  // The take's trigger 1 is some pulse of the line; every image is that of its own pulse.
+  io::TakeReader take(options.directory);
+  ASSERT_EQ(static_cast<std::int64_t>(take.Triggers().size()), result.triggers);
+  std::int64_t skipped = -1;
+  while (const auto set = take.Next()) {
+    ASSERT_TRUE(set->images[0]);
+    for (std::int64_t n = 0; n < 200 && skipped < 0; ++n) {
+      if (SimulatedRig::Draw(0, 1 + n).pixels == set->images[0]->pixels) skipped = n;
+    }
+    for (int camera = 0; camera < 2; ++camera) {
+      EXPECT_TRUE(set->images[static_cast<std::size_t>(camera)]->pixels ==
+                  SimulatedRig::Draw(camera, set->trigger + skipped).pixels)
+          << "camera " << camera << " trigger " << set->trigger;
+    }
+  }
+  EXPECT_GE(skipped, 5) << "the wait was longer than the pre-roll";
+}
+
+TEST(Record, StoppedWhileWaitingLeavesNothing) {
+  SimulatedRig rig(104, 1);
+  const TempDir scratch;
+  RecordOptions options = OptionsFor(scratch, 10);
+  options.start = StartOn::kFoot;
+  std::atomic<bool> stop{false};
+  options.stop = &stop;
+  options.progress = [&](const RecordProgress&) { stop = true; };
+  EXPECT_THAT(ErrorOf([&] { Record(rig.config, options); }), HasSubstr("before the first trigger"));
+  EXPECT_FALSE(fs::exists(options.directory));
+}
+
+TEST(Record, TimeEndsTheTake) {
+  SimulatedRig rig(105, 1);
+  const TempDir scratch;
+  RecordOptions options = OptionsFor(scratch, 0);
+  options.seconds = 0.5;
+  const RecordResult result = Record(rig.config, options);
+  EXPECT_EQ(result.verdict, "good") << ::testing::PrintToString(result.reasons);
+  EXPECT_NEAR(static_cast<double>(result.triggers), 10, 4);
+}
+
+TEST(Record, ActionCommandsTriggerTheCameras) {
+  SimulatedRig rig(106, 2);
+  rig.config.trigger.source = "action";
+  rig.config.trigger.action_device_key = 0xCAFE;
+  rig.config.trigger.action_group_mask = 6;
+  const TempDir scratch;
+  const RecordOptions options = OptionsFor(scratch, 10);
+  const RecordResult result = Record(rig.config, options);
+  EXPECT_EQ(result.verdict, "good") << ::testing::PrintToString(result.reasons);
+  EXPECT_EQ(result.FramesGood(), 20);
 }
 
 TEST(Record, StopLeavesAReadableTake) {
@@ -283,7 +411,9 @@ TEST(Record, FullDiskEndsTheTakeAndKeepsWhatWasStored) {
 
 TEST(Record, ImpossibleOptionsAreRefused) {
   const TempDir scratch;
-  EXPECT_THROW(Record(MakeDefaultRig(), OptionsFor(scratch, 0)), Error);
+  EXPECT_THROW(Record(MakeDefaultRig(), OptionsFor(scratch, -1)), Error);
+  EXPECT_THAT(ErrorOf([&] { Record(MakeDefaultRig(), OptionsFor(scratch, 0)); }),
+              HasSubstr("without an end"));
   RecordOptions gpio = OptionsFor(scratch, 1);
   gpio.queue_frames = 0;
   EXPECT_THROW(Record(MakeDefaultRig(), gpio), Error);
