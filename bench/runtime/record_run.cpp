@@ -195,6 +195,7 @@ RecordRunResult RunRecording(const RecordRunOptions& options) {
   record.directory = scratch.path / "take";
   record.subject = "bench";
   record.software = "bench";
+  record.check_images = false;  // not of feet
   record.triggers = std::max<std::int64_t>(1, std::llround(options.rate_hz * options.seconds));
   record.discard = options.directory.empty();
   record.on_stored = [&](const std::string& serial, const io::RawRecordHeader& header, std::uint32_t crc) {

@@ -95,7 +95,7 @@ TEST(SimServe, StockToolsListItAndTheRecorderUsesIt) {
   // A second program cannot take the cameras of a running recording.
   ProgramResult first;
   std::thread recording([&] {
-    first = RunSole("record " + rig + " --subject S1 --frames 60 --take " + (directory / "first").string());
+    first = RunSole("record " + rig + " --texture --subject S1 --frames 60 --take " + (directory / "first").string());
   });
   while (!std::filesystem::exists(directory / "first" / "triggers.csv") &&
          !std::filesystem::exists(directory / "first" / "take.json")) {
