@@ -168,7 +168,7 @@ int RecordCommand(const RecordArguments& a, const CommonOptions& common) {
   if (a.start == "key" || a.stop == "key" || isatty(STDIN_FILENO)) {
     keyboard.emplace();
     options.key = [&] { return keyboard->Hit(); };
-    Log(a.start == "key" ? "a key starts, another one stops" : "a key stops");
+    Log(a.start == "key" ? "Enter or space starts, and stops again" : "Enter or space stops");
   }
   const capture::RecordResult result = capture::Record(config, options);
   keyboard.reset();
@@ -188,7 +188,7 @@ void AddRecordCommand(CLI::App& app, CommonOptions& common, int& status) {
       "Example: sole record rig.toml --subject S017 --take takes/S017-walk-1 --frames 50\n"
       "Example: sole record rig.toml --subject S017 --take takes/S017-walk-2 --frames 0 --start foot "
       "--stop foot --calibration cal.json --view 8080\n"
-      "Any key stops. Exit status 3: recorded, but the verdict is repeat.");
+      "Enter, space or q stops. Exit status 3: recorded, but the verdict is repeat.");
   auto a = std::make_shared<RecordArguments>();
   record->add_option("RIG", a->rig, "Rig file")->required();
   record->add_option("--take", a->options.directory, "Directory to record into; must not hold anything yet")->required();

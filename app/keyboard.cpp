@@ -37,9 +37,12 @@ bool Keyboard::Hit() {
     if (count <= 0) {
       state_->open = state_->terminal;
     } else {
-      state_->lines += state_->terminal ? 1
-                                        : static_cast<int>(std::count(
-                                              bytes.begin(), bytes.begin() + count, '\n'));
+      const auto end = bytes.begin() + count;
+      const bool meant = std::any_of(bytes.begin(), end, [](char c) {
+        return c == '\n' || c == '\r' || c == ' ' || c == 'q';
+      });
+      const auto lines = static_cast<int>(std::count(bytes.begin(), end, '\n'));
+      state_->lines += !state_->terminal ? lines : meant ? 1 : 0;
     }
   }
   if (state_->lines == 0) return false;

@@ -152,6 +152,7 @@ class Session {
 
   void StartRecorders() {
     for (std::size_t i = 0; i < cameras_.size(); ++i) {
+      resent_before_.push_back(cameras_[i]->Statistics().resent_packets);  // the warm-up's
       CameraMonitor& monitor = *monitors_.emplace_back(std::make_unique<CameraMonitor>());
       if (options_.pictures) monitor.KeepPictures(static_cast<double>(kPicturesEveryNs) * 1e-9);
       recorders_.push_back(std::make_unique<CameraRecorder>(
@@ -317,7 +318,7 @@ class Session {
       camera.frames = first_ > 0 ? recorders_[i]->Arrived() : 0;
       // The newest trigger's frame is on its way.
       camera.lost = std::max<std::int64_t>(0, status.fired - (finished_ ? 0 : 1) - camera.frames);
-      camera.resent_packets = cameras_[i]->Statistics().resent_packets;
+      camera.resent_packets = cameras_[i]->Statistics().resent_packets - resent_before_[i];
       camera.saturated = now.sample.saturated;
       camera.focus = now.sample.focus;
       camera.queued = recorders_[i]->Queued();
@@ -471,6 +472,7 @@ class Session {
   CameraList cameras_;
   std::unique_ptr<Trigger> trigger_;
   std::vector<WarmUpAnswer> answers_;
+  std::vector<std::uint64_t> resent_before_;
   std::vector<std::unique_ptr<CameraMonitor>> monitors_;
   std::vector<std::unique_ptr<CameraRecorder>> recorders_;
   std::vector<std::unique_ptr<CameraKeeper>> keepers_;

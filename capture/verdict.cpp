@@ -190,6 +190,7 @@ void Judge(RecordResult& result, std::int64_t planned, double usable_loss, doubl
       repeat = repeat || finding.repeat;
     }
   };
+  if (result.triggers == 0) result.reasons.push_back("no trigger was fired");
   add(DeliveryFindings(result, usable_loss, period_s));
   add(findings);
   if (result.stopped) {
