@@ -232,8 +232,9 @@ struct VideoReader::State {
   }
 
   ImageU8 Take() const {
-    Check(frame->width == format.width && frame->height == format.height && frame->format == kGrey &&
-              frame->decode_error_flags == 0 && (frame->flags & AV_FRAME_FLAG_CORRUPT) == 0,
+    Check(frame->width == format.width && frame->height == format.height &&
+              frame->format == kGrey && frame->decode_error_flags == 0 &&
+              (frame->flags & AV_FRAME_FLAG_CORRUPT) == 0,
           "a frame is damaged");
     ImageU8 image(format.width, format.height);
     for (int y = 0; y < image.height; ++y) {
@@ -250,7 +251,8 @@ VideoReader::VideoReader(const fs::path& path) : state_(std::make_unique<State>(
   State& state = *state_;
   state.path = path;
   std::error_code error;
-  Require(fs::is_regular_file(path, error), "cannot read " + path.string() + ": there is no such file");
+  Require(fs::is_regular_file(path, error),
+          "cannot read " + path.string() + ": there is no such file");
   AVFormatContext* context = nullptr;
   const int code = avformat_open_input(&context, ("file:" + path.string()).c_str(),
                                        av_find_input_format("matroska"), nullptr);

@@ -29,10 +29,9 @@ double SecondsSince(Clock::time_point begin) {
 
 /// One frame of noise, so that no file system compresses it, at a multiple of kRawBlock.
 std::shared_ptr<std::uint8_t> NoiseFrame(std::size_t bytes) {
-  std::shared_ptr<std::uint8_t> frame(
-      static_cast<std::uint8_t*>(
-          std::aligned_alloc(kRawBlock, (bytes / kRawBlock + 1) * kRawBlock)),
-      std::free);
+  std::shared_ptr<std::uint8_t> frame(static_cast<std::uint8_t*>(std::aligned_alloc(
+                                          kRawBlock, (bytes / kRawBlock + 1) * kRawBlock)),
+                                      std::free);
   if (!frame) throw std::bad_alloc();
   std::uint32_t state = 1;
   for (std::size_t i = 0; i < bytes; ++i) {
@@ -52,14 +51,16 @@ double MeasureWriteRate(const fs::path& directory, const WriteRateOptions& optio
   Require(!error, "cannot write to " + directory.string() + ": " + error.message());
   const std::uint64_t total =
       std::min<std::uint64_t>(options.max_bytes, error ? options.max_bytes : space.available / 10);
-  const std::uint64_t frames =
-      std::max<std::uint64_t>(1, total / options.frame_bytes / static_cast<std::uint64_t>(options.files));
+  const std::uint64_t frames = std::max<std::uint64_t>(
+      1, total / options.frame_bytes / static_cast<std::uint64_t>(options.files));
   const std::shared_ptr<std::uint8_t> pixels = NoiseFrame(options.frame_bytes);
-  const RawRecordHeader header{.width = static_cast<std::uint32_t>(kRawBlock),
-                               .height = static_cast<std::uint32_t>(options.frame_bytes / kRawBlock)};
+  const RawRecordHeader header{
+      .width = static_cast<std::uint32_t>(kRawBlock),
+      .height = static_cast<std::uint32_t>(options.frame_bytes / kRawBlock)};
   std::vector<fs::path> paths;
   for (int i = 0; i < options.files; ++i) {
-    paths.push_back(directory / (".write-test" + std::to_string(getpid()) + "-" + std::to_string(i)));
+    paths.push_back(directory /
+                    (".write-test" + std::to_string(getpid()) + "-" + std::to_string(i)));
   }
   std::vector<std::exception_ptr> failures(paths.size());
   std::atomic<std::uint64_t> written{0};

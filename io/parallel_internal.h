@@ -14,8 +14,8 @@ namespace sole::io {
 /// Calls `work` for 0 to count - 1 from several threads (0: as many as there are cores). The first
 /// exception ends the rest and is thrown again here.
 inline void ForEach(std::size_t count, int threads, const std::function<void(std::size_t)>& work) {
-  const std::size_t cores =
-      threads > 0 ? static_cast<std::size_t>(threads) : std::max(1U, std::thread::hardware_concurrency());
+  const std::size_t cores = threads > 0 ? static_cast<std::size_t>(threads)
+                                        : std::max(1U, std::thread::hardware_concurrency());
   std::atomic<std::size_t> next{0};
   std::mutex mutex;
   std::exception_ptr failure;

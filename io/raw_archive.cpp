@@ -31,7 +31,8 @@ struct Headers {
 };
 
 void Step(const ArchiveOptions& options, const fs::path& path) {
-  Require(options.stop == nullptr || !options.stop->load(), "stopped: " + path.string() + " was left as it was");
+  Require(options.stop == nullptr || !options.stop->load(),
+          "stopped: " + path.string() + " was left as it was");
   if (options.progress) options.progress();
 }
 

@@ -11,16 +11,16 @@
 namespace sole::io {
 
 struct ArchiveOptions {
-  double rate_hz = 10;                ///< frames a second of the video; players show it at this speed
-  std::function<void()> progress{};   ///< called for every frame that was read or written
+  double rate_hz = 10;  ///< frames a second of the video; players show it at this speed
+  std::function<void()> progress{};         ///< called for every frame that was read or written
   const std::atomic<bool>* stop = nullptr;  ///< ends with an Error that leaves no file
 };
 
-/// Compresses a raw file to FFV1 (lossless, version 3, a CRC in every slice) in Matroska, frame k of
-/// the video being record k of the file. The headers travel as an attachment, so that RestoreRawFile
-/// gives the file back to the byte. The result is read back and compared before it gets its name.
-/// Throws Error if the raw file has any damage (recover it first), holds images of several sizes, or
-/// cannot be written.
+/// Compresses a raw file to FFV1 (lossless, version 3, a CRC in every slice) in Matroska, frame k
+/// of the video being record k of the file. The headers travel as an attachment, so that
+/// RestoreRawFile gives the file back to the byte. The result is read back and compared before it
+/// gets its name. Throws Error if the raw file has any damage (recover it first), holds images of
+/// several sizes, or cannot be written.
 void ArchiveRawFile(const std::filesystem::path& raw, const std::filesystem::path& archive,
                     const ArchiveOptions& options = {});
 

@@ -21,7 +21,7 @@ struct RawRecordHeader {
   std::int64_t host_time_ns = 0;     ///< CLOCK_REALTIME at arrival
   std::uint32_t width = 0;
   std::uint32_t height = 0;
-  std::uint32_t status = 0;             ///< 0 good; bit 0 incomplete
+  std::uint32_t status = 0;            ///< 0 good; bit 0 incomplete
   std::optional<ExposureKind> kind{};  ///< what lit the scene; empty: not known
 };
 
@@ -29,8 +29,9 @@ struct RawRecordHeader {
 inline constexpr std::size_t kRawBlock = 4096;
 
 struct RawFileOptions {
-  std::uint64_t reserve_bytes = 64 << 20;  ///< room set aside on the disk ahead of the end; 0 = none
-  bool discard = false;  ///< checksums the frames but makes no file: for measuring
+  std::uint64_t reserve_bytes = 64
+                                << 20;  ///< room set aside on the disk ahead of the end; 0 = none
+  bool discard = false;                 ///< checksums the frames but makes no file: for measuring
 };
 
 /// One camera's file: a header block (magic "SOLERAW1", format version, serial), then records of a

@@ -43,15 +43,14 @@ ImageU8 ReadPixels(const fs::path& path, const RawRecord& record) {
   const std::uint64_t payload = RawPayloadSize(record.header);
   RawHeaderBytes bytes{};
   RawRecord found;
-  Require(record.header_offset < size && record.payload_offset <= size &&
-              size - record.payload_offset >= payload &&
-              file.ReadAt(bytes.data(), kRawHeaderSize, record.header_offset) &&
-              DecodeRawRecord(bytes.data(), found) &&
-              found.header.trigger == record.header.trigger &&
-              found.payload_crc == record.payload_crc &&
-              found.header.width == record.header.width &&
-              found.header.height == record.header.height,
-          Where(path, record) + "is not where the index says: read the index again");
+  Require(
+      record.header_offset < size && record.payload_offset <= size &&
+          size - record.payload_offset >= payload &&
+          file.ReadAt(bytes.data(), kRawHeaderSize, record.header_offset) &&
+          DecodeRawRecord(bytes.data(), found) && found.header.trigger == record.header.trigger &&
+          found.payload_crc == record.payload_crc && found.header.width == record.header.width &&
+          found.header.height == record.header.height,
+      Where(path, record) + "is not where the index says: read the index again");
   ImageU8 image(static_cast<int>(found.header.width), static_cast<int>(found.header.height));
   if (!file.ReadAt(image.pixels.data(), image.pixels.size(), record.payload_offset))
     throw DamagedRecordError(Where(path, record) + "cannot be read: " + std::strerror(errno));

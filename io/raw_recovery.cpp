@@ -26,8 +26,8 @@ void Rename(const fs::path& from, const fs::path& to) {
 
 fs::path With(const fs::path& path, const char* extension) { return path.string() + extension; }
 
-/// The records of a file whose own header may be torn or damaged. Throws Error for a file of another
-/// camera or a version that is not known.
+/// The records of a file whose own header may be torn or damaged. Throws Error for a file of
+/// another camera or a version that is not known.
 RawIndex Scan(const fs::path& file, const std::string& serial, bool& head_holds,
               std::uint64_t& block) {
   std::uint64_t size = 0;
@@ -52,8 +52,7 @@ std::vector<RawRecord> Rewrite(const fs::path& from, const fs::path& to, const s
                                const std::vector<RawRecord>& records) {
   std::uint64_t size = 0;
   const FileDescriptor source = OpenForReading(from, size);
-  const FileDescriptor target(
-      ::open(to.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
+  const FileDescriptor target(::open(to.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
   if (!target.Valid()) Fail("create", to);
   const auto write_block = [&](const RawHeaderBytes& bytes) {
     std::array<char, kRawBlock> padded{};
@@ -127,9 +126,8 @@ RawRecovery RecoverRawFile(
   }
   result.torn = index.truncated;
   const bool last_refused =
-      !index.records.empty() &&
-      (result.records.empty() ||
-       result.records.back().header_offset != index.records.back().header_offset);
+      !index.records.empty() && (result.records.empty() || result.records.back().header_offset !=
+                                                               index.records.back().header_offset);
   if (last_refused && !result.torn) {  // a header whose pixels did not reach the disk any more
     result.torn = true;
     --result.dropped;

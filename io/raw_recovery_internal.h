@@ -19,10 +19,11 @@ struct RawRecovery {
 };
 
 /// Makes `path` (or `path`.partial) a closed file that holds exactly the records that `keep`
-/// accepts. Cuts a torn tail off in place; rewrites a file that is damaged elsewhere. A missing file
-/// becomes one without records. Throws Error if another program is writing it, or on file errors.
-RawRecovery RecoverRawFile(const std::filesystem::path& path, const std::string& serial,
-                           const std::function<bool(const std::filesystem::path& file,
-                                                    const RawRecord& record)>& keep);
+/// accepts. Cuts a torn tail off in place; rewrites a file that is damaged elsewhere. A missing
+/// file becomes one without records. Throws Error if another program is writing it, or on file
+/// errors.
+RawRecovery RecoverRawFile(
+    const std::filesystem::path& path, const std::string& serial,
+    const std::function<bool(const std::filesystem::path& file, const RawRecord& record)>& keep);
 
 }  // namespace sole::io

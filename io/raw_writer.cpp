@@ -40,8 +40,8 @@ struct RawFileWriter::State {
   RawFileOptions options;
   FileDescriptor file;
   bool closed = false;
-  std::uint64_t end = 0;       ///< of the last whole record
-  std::uint64_t reserved = 0;  ///< room is set aside up to here
+  std::uint64_t end = 0;                        ///< of the last whole record
+  std::uint64_t reserved = 0;                   ///< room is set aside up to here
   Blocks ends = AllocateBlocks(2 * kRawBlock);  ///< a record's header block; its last block
   Blocks copy;                                  ///< of pixels that do not start at a block
   std::size_t copy_size = 0;
@@ -101,7 +101,8 @@ struct RawFileWriter::State {
     Reserve(kRawBlock + whole + rest);
     // pwritev only reads.
     void* body = const_cast<std::uint8_t*>(pixels);
-    if (!WriteAt({iovec{ends.get(), kRawBlock}, iovec{body, whole}, iovec{last, rest}})) return false;
+    if (!WriteAt({iovec{ends.get(), kRawBlock}, iovec{body, whole}, iovec{last, rest}}))
+      return false;
     end += kRawBlock + whole + rest;
     return true;
   }

@@ -29,7 +29,8 @@ void CopyRest(const fs::path& from, const fs::path& to) {
     if (name == "cameras" || name == "take.json") continue;
     fs::copy(entry.path(), to / name,
              fs::copy_options::recursive | fs::copy_options::overwrite_existing, error);
-    Require(!error, "cannot copy " + entry.path().string() + " to " + to.string() + ": " + error.message());
+    Require(!error,
+            "cannot copy " + entry.path().string() + " to " + to.string() + ": " + error.message());
   }
   // Last, since it makes the folder a take.
   WriteStringAtomically(to / "take.json", ReadFile(from / "take.json"));
@@ -81,19 +82,19 @@ TakeArchiveResult ArchiveTake(const fs::path& directory, const TakeArchiveOption
   std::vector<Job> jobs;
   for (const CameraConfig& camera : config.cameras) {
     const fs::path raw = take.Raw(camera.serial);
-    Require(fs::exists(raw), raw.string() + " is missing: " +
-                                 (fs::exists(take.Archive(camera.serial))
-                                      ? "the take is archived already"
-                                      : "recover the take first"));
+    Require(fs::exists(raw),
+            raw.string() + " is missing: " +
+                (fs::exists(take.Archive(camera.serial)) ? "the take is archived already"
+                                                         : "recover the take first"));
     jobs.push_back({raw, {}, static_cast<std::int64_t>(ReadRawIndex(raw).records.size())});
     result.records += jobs.back().records;
     result.raw_bytes += fs::file_size(raw);
   }
   const TakePaths target = Prepare(take, options.out);
-  for (std::size_t i = 0; i < jobs.size(); ++i) jobs[i].to = target.Archive(config.cameras[i].serial);
-  RunJobs(jobs, config.trigger.rate_hz, options, 2, [](const Job& job, const ArchiveOptions& o) {
-    ArchiveRawFile(job.from, job.to, o);
-  });
+  for (std::size_t i = 0; i < jobs.size(); ++i)
+    jobs[i].to = target.Archive(config.cameras[i].serial);
+  RunJobs(jobs, config.trigger.rate_hz, options, 2,
+          [](const Job& job, const ArchiveOptions& o) { ArchiveRawFile(job.from, job.to, o); });
   if (!options.out.empty()) CopyRest(directory, options.out);
   for (const Job& job : jobs) result.archive_bytes += fs::file_size(job.to);
   if (options.delete_source) DeleteSources(jobs, result);
@@ -110,7 +111,8 @@ TakeArchiveResult RestoreTake(const fs::path& directory, const TakeArchiveOption
   for (const CameraConfig& camera : config.cameras) {
     const Job job{take.Archive(camera.serial), target.Raw(camera.serial),
                   fs::exists(take.Archive(camera.serial))
-                      ? static_cast<std::int64_t>(ReadArchiveIndex(take.Archive(camera.serial)).records.size())
+                      ? static_cast<std::int64_t>(
+                            ReadArchiveIndex(take.Archive(camera.serial)).records.size())
                       : 0};
     // A file that stands under its final name is whole: an earlier attempt was interrupted.
     if (!fs::exists(job.to)) todo.push_back(job);
@@ -120,9 +122,8 @@ TakeArchiveResult RestoreTake(const fs::path& directory, const TakeArchiveOption
   }
   Require(!todo.empty() || options.delete_source,
           directory.string() + ": nothing to restore: its raw files are there");
-  RunJobs(todo, config.trigger.rate_hz, options, 1, [](const Job& job, const ArchiveOptions& o) {
-    RestoreRawFile(job.from, job.to, o);
-  });
+  RunJobs(todo, config.trigger.rate_hz, options, 1,
+          [](const Job& job, const ArchiveOptions& o) { RestoreRawFile(job.from, job.to, o); });
   if (!options.out.empty()) CopyRest(directory, options.out);
   for (const Job& job : jobs) {
     result.records += job.records;

@@ -60,7 +60,8 @@ class CameraChecker {
   /// Reads every image; `step` after each.
   void CheckPixels(const std::function<void()>& step) {
     const auto judge = [&](std::size_t record, bool holds) {
-      if (!holds) Fault(At(index_.records[record]) + "does not match its checksum: run sole take recover");
+      if (!holds)
+        Fault(At(index_.records[record]) + "does not match its checksum: run sole take recover");
       step();
     };
     try {
@@ -114,8 +115,8 @@ class CameraChecker {
         unknown.push_back(header.trigger);
     }
     if (!unknown.empty()) {
-      Fault(path_.string() + ": holds triggers that " + take_.Triggers().string() +
-            " lacks (" + FormatRanges(unknown) + "): run sole take recover");
+      Fault(path_.string() + ": holds triggers that " + take_.Triggers().string() + " lacks (" +
+            FormatRanges(unknown) + "): run sole take recover");
     }
     for (const std::int64_t trigger : triggers_) {
       if (!held.contains(trigger)) result_.lost_triggers.push_back(trigger);
@@ -152,9 +153,10 @@ void CheckVerdict(const TakePaths& take, const TakeInfo& info, TakeCheck& check)
   if (info.verdict != "good") return;
   for (const CameraCheck& camera : check.cameras) {
     if (camera.lost_triggers.empty() && camera.incomplete == 0) continue;
-    check.faults.push_back(where + ": the verdict is good, but camera " + camera.serial + " lacks " +
-                           std::to_string(camera.lost_triggers.size()) + " frames and has " +
-                           std::to_string(camera.incomplete) + " incomplete ones");
+    check.faults.push_back(where + ": the verdict is good, but camera " + camera.serial +
+                           " lacks " + std::to_string(camera.lost_triggers.size()) +
+                           " frames and has " + std::to_string(camera.incomplete) +
+                           " incomplete ones");
   }
 }
 
@@ -170,7 +172,8 @@ TakeCheck CheckTake(const fs::path& directory, const TakeCheckOptions& options) 
   std::vector<TriggerRecord> triggers;
   const bool has_info = Readable(check, [&] { info = ReadTakeInfo(take); });
   const bool has_rig = Readable(check, [&] { config = ReadRigFile(take.RigFile()); });
-  if (!has_info && !has_rig) throw Error(directory.string() + " is not a take: " + check.faults.front());
+  if (!has_info && !has_rig)
+    throw Error(directory.string() + " is not a take: " + check.faults.front());
   Readable(check, [&] { triggers = ReadTriggers(take); });
   check.triggers = static_cast<std::int64_t>(triggers.size());
   if (has_info && has_rig && info.rig_hash != RigIdentityHash(config)) {
@@ -187,14 +190,16 @@ TakeCheck CheckTake(const fs::path& directory, const TakeCheckOptions& options) 
   if (options.pixels) {
     std::mutex mutex;
     const auto step = [&] {
-      Require(options.stop == nullptr || !options.stop->load(), "stopped before everything was checked");
+      Require(options.stop == nullptr || !options.stop->load(),
+              "stopped before everything was checked");
       const std::lock_guard lock(mutex);
       if (options.progress) options.progress(++done, total);
     };
     ForEach(cameras.size(), options.threads, [&](std::size_t i) { cameras[i].CheckPixels(step); });
   }
   for (CameraChecker& camera : cameras) {
-    check.faults.insert(check.faults.end(), camera.Result().faults.begin(), camera.Result().faults.end());
+    check.faults.insert(check.faults.end(), camera.Result().faults.begin(),
+                        camera.Result().faults.end());
     check.cameras.push_back(camera.Result());
   }
   if (has_info) CheckVerdict(take, info, check);

@@ -21,15 +21,16 @@ struct CameraCheck {
   std::string storage;  ///< raw, partial (not closed), archive or missing
   std::uint64_t bytes = 0;
   std::int64_t records = 0;
-  std::int64_t incomplete = 0;               ///< of those: packets missing
-  std::vector<std::int64_t> lost_triggers;   ///< triggers of triggers.csv without a record
+  std::int64_t incomplete = 0;              ///< of those: packets missing
+  std::vector<std::int64_t> lost_triggers;  ///< triggers of triggers.csv without a record
   std::vector<std::string> faults;
 };
 
 struct TakeCheck {
   std::int64_t triggers = 0;
   std::vector<CameraCheck> cameras;
-  std::vector<std::string> faults;  ///< one line each: file, what, what to do; those of the cameras included
+  std::vector<std::string>
+      faults;  ///< one line each: file, what, what to do; those of the cameras included
   bool Ok() const { return faults.empty(); }
 };
 

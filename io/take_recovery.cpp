@@ -56,8 +56,9 @@ std::int64_t LastJudged(const std::vector<std::vector<RawRecord>>& cameras, std:
                         const RigConfig& config) {
   std::int64_t whole = last;
   for (const auto& records : cameras) whole = std::min(whole, LastTrigger(records));
-  const double second = std::max(2.0, std::ceil(config.trigger.rate_hz *
-                                                static_cast<double>(config.trigger.exposures.size())));
+  const double second = std::max(
+      2.0,
+      std::ceil(config.trigger.rate_hz * static_cast<double>(config.trigger.exposures.size())));
   return static_cast<double>(last - whole) <= second ? whole : last;
 }
 
@@ -77,16 +78,17 @@ void Judge(TakeRecovery& result, std::int64_t judged, double usable_loss) {
     const std::vector<std::int64_t>& lost = camera.lost_triggers;
     const auto counted = std::upper_bound(lost.begin(), lost.end(), judged) - lost.begin();
     if (judged > 0) {
-      worst = std::max(worst, static_cast<double>(counted + camera.incomplete) /
-                                  static_cast<double>(judged));
+      worst = std::max(
+          worst, static_cast<double>(counted + camera.incomplete) / static_cast<double>(judged));
     }
     if (!lost.empty()) {
       result.reasons.push_back(name + Frames(lost.size(), result.triggers) + " lost (triggers " +
                                FormatRanges(lost) + ")");
     }
     if (camera.incomplete > 0) {
-      result.reasons.push_back(name + Frames(static_cast<std::size_t>(camera.incomplete), result.triggers) +
-                               " incomplete (packets missing)");
+      result.reasons.push_back(
+          name + Frames(static_cast<std::size_t>(camera.incomplete), result.triggers) +
+          " incomplete (packets missing)");
     }
     if (camera.dropped > 0)
       result.reasons.push_back(name + std::to_string(camera.dropped) + " records were damaged");
@@ -146,8 +148,9 @@ TakeRecovery RecoverTake(const fs::path& directory, const RecoverOptions& option
   Require(fs::is_directory(directory),
           directory.string() + " is not a take: there is no such folder");
   Require(fs::exists(take.RigFile()),
-          take.RigFile().string() + " is missing: put the rig file there that the take was recorded "
-                                    "with, then recover again");
+          take.RigFile().string() +
+              " is missing: put the rig file there that the take was recorded "
+              "with, then recover again");
   const RigConfig config = ReadRigFile(take.RigFile());
   RequireRaw(take, config);
   bool rebuilt = false, unreadable = false;

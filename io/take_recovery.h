@@ -23,7 +23,7 @@ struct CameraRecovery {
   std::int64_t dropped = 0;     ///< records with a sound header whose pixels are damaged
   std::int64_t torn = 0;        ///< 1 if the file ended inside a record
   bool changed = false;
-  std::filesystem::path damaged_copy;      ///< where a file went that had to be rewritten; or empty
+  std::filesystem::path damaged_copy;  ///< where a file went that had to be rewritten; or empty
   std::vector<std::int64_t> lost_triggers;  ///< triggers of the take without a record
 };
 
@@ -37,13 +37,14 @@ struct TakeRecovery {
   std::vector<CameraRecovery> cameras;
 };
 
-/// Makes a take whole after its recorder was killed, the disk ran full or a file was cut or damaged:
-/// every record whose checksums hold is kept, everything else goes; triggers.csv gets the triggers
-/// it lacks (their times estimated from the cameras' clocks); take.json becomes `recovered` with a
-/// verdict and reasons. A file that is damaged in its middle is rewritten and its original kept as
-/// SERIAL.raw.damaged. A take without damage that was closed stays as it is. Can be interrupted and
-/// repeated at any point. Throws Error if the take is being recorded, is no take, or cannot be
-/// written.
-TakeRecovery RecoverTake(const std::filesystem::path& directory, const RecoverOptions& options = {});
+/// Makes a take whole after its recorder was killed, the disk ran full or a file was cut or
+/// damaged: every record whose checksums hold is kept, everything else goes; triggers.csv gets the
+/// triggers it lacks (their times estimated from the cameras' clocks); take.json becomes
+/// `recovered` with a verdict and reasons. A file that is damaged in its middle is rewritten and
+/// its original kept as SERIAL.raw.damaged. A take without damage that was closed stays as it is.
+/// Can be interrupted and repeated at any point. Throws Error if the take is being recorded, is no
+/// take, or cannot be written.
+TakeRecovery RecoverTake(const std::filesystem::path& directory,
+                         const RecoverOptions& options = {});
 
 }  // namespace sole::io

@@ -14,7 +14,8 @@ double Median(std::vector<double> values) {
 }
 
 double DeviceSeconds(const RawRecord& record, std::uint64_t base_ns) {
-  return 1e-9 * static_cast<double>(static_cast<std::int64_t>(record.header.device_time_ns - base_ns));
+  return 1e-9 *
+         static_cast<double>(static_cast<std::int64_t>(record.header.device_time_ns - base_ns));
 }
 
 /// One camera's times on the clock of triggers.csv, by trigger; empty without a trigger that both
@@ -62,8 +63,7 @@ TriggerRecord Planned(std::int64_t number, const RigConfig& config,
 }  // namespace
 
 void CompleteTriggers(std::vector<TriggerRecord>& triggers, std::int64_t last,
-                      const RigConfig& config,
-                      const std::vector<std::vector<RawRecord>>& cameras) {
+                      const RigConfig& config, const std::vector<std::vector<RawRecord>>& cameras) {
   std::map<std::int64_t, TriggerRecord> known;
   for (const TriggerRecord& trigger : triggers) known.emplace(trigger.trigger, trigger);
   std::map<std::int64_t, ExposureKind> kinds;

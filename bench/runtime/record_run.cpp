@@ -137,7 +137,10 @@ class Server {
     std::vector<sim::ServedCamera> cameras;
     sim::CameraServerOptions server{.link_mbit_per_s = 10'000};
     for (const CameraConfig& camera : ConfigFor(options, 0).cameras) {
-      cameras.push_back({.serial = camera.serial, .address = camera.address, .width = camera.width, .height = camera.height});
+      cameras.push_back({.serial = camera.serial,
+                         .address = camera.address,
+                         .width = camera.width,
+                         .height = camera.height});
       server.faults.push_back({.packet_drop_probability = options.drop});
     }
     return std::make_unique<sim::CameraServer>(
@@ -166,7 +169,8 @@ double OwnProcessorSeconds() {
 /// A directory for one take that is removed again.
 struct Scratch {
   explicit Scratch(const fs::path& below) {
-    std::string name = ((below.empty() ? fs::temp_directory_path() : below) / "sole-bench-XXXXXX").string();
+    std::string name =
+        ((below.empty() ? fs::temp_directory_path() : below) / "sole-bench-XXXXXX").string();
     Require(::mkdtemp(name.data()) != nullptr, "cannot write to " + name);
     path = name;
   }
@@ -182,7 +186,8 @@ struct Scratch {
 RecordRunResult RunRecording(const RecordRunOptions& options) {
   const std::vector<ImageU8> images = MakeImages(options);
   std::vector<std::uint32_t> crcs;
-  for (const ImageU8& image : images) crcs.push_back(io::Crc32(image.pixels.data(), image.pixels.size()));
+  for (const ImageU8& image : images)
+    crcs.push_back(io::Crc32(image.pixels.data(), image.pixels.size()));
   const Server server(options, images);
   const RigConfig config = ConfigFor(options, server.BusPort());
   const Scratch scratch(options.directory);
@@ -198,7 +203,8 @@ RecordRunResult RunRecording(const RecordRunOptions& options) {
   record.check_images = false;  // not of feet
   record.triggers = std::max<std::int64_t>(1, std::llround(options.rate_hz * options.seconds));
   record.discard = options.directory.empty();
-  record.on_stored = [&](const std::string& serial, const io::RawRecordHeader& header, std::uint32_t crc) {
+  record.on_stored = [&](const std::string& serial, const io::RawRecordHeader& header,
+                         std::uint32_t crc) {
     if (header.status != 0) return;
     const bool right = crc == crcs[Shown(places.at(serial), header.trigger)];
     ++(right ? verified : wrong);
@@ -228,9 +234,10 @@ RecordRunResult RunRecording(const RecordRunOptions& options) {
   const io::TakePaths take{record.directory};
   const std::vector<io::TriggerRecord> triggers = io::ReadTriggers(take);
   if (!triggers.empty()) result.seconds = triggers.back().actual_s - triggers.front().actual_s;
-  const double periods = static_cast<double>(triggers.size() - 1) / static_cast<double>(triggers.size());
-  result.megabytes_per_s = 1e-6 * static_cast<double>(result.verified) * options.width * options.height *
-                           periods / result.seconds;
+  const double periods =
+      static_cast<double>(triggers.size() - 1) / static_cast<double>(triggers.size());
+  result.megabytes_per_s = 1e-6 * static_cast<double>(result.verified) * options.width *
+                           options.height * periods / result.seconds;
   if (record.discard) return result;
   for (const CameraConfig& camera : config.cameras) {
     for (const io::RawRecord& entry : io::ReadRawIndex(take.Raw(camera.serial)).records) {

@@ -1,4 +1,5 @@
-// The short version of bench_record: every frame triggered is stored and is the one that was served.
+// The short version of bench_record: every frame triggered is stored and is the one that was
+// served.
 #include <gtest/gtest.h>
 
 #include "bench/runtime/record_run.h"
@@ -8,7 +9,15 @@ namespace sole::bench {
 namespace {
 
 RecordRunOptions Small(int net) {
-  return {.cameras = 4, .rate_hz = 20, .seconds = 3, .width = 640, .height = 480, .drop = 0.005, .packet_size = 1500, .net = net, .own_process = false};
+  return {.cameras = 4,
+          .rate_hz = 20,
+          .seconds = 3,
+          .width = 640,
+          .height = 480,
+          .drop = 0.005,
+          .packet_size = 1500,
+          .net = net,
+          .own_process = false};
 }
 
 void ExpectNothingLost(const RecordRunResult& result) {
@@ -20,7 +29,9 @@ void ExpectNothingLost(const RecordRunResult& result) {
   EXPECT_NEAR(result.megabytes_per_s, 1e-6 * 80 * 640 * 480, 5);
 }
 
-TEST(RecordRate, ChecksummedEveryFrameIsTheOneThatWasServed) { ExpectNothingLost(RunRecording(Small(101))); }
+TEST(RecordRate, ChecksummedEveryFrameIsTheOneThatWasServed) {
+  ExpectNothingLost(RunRecording(Small(101)));
+}
 
 TEST(RecordRate, FromTheDiskToo) {
   const testing_support::TempDir dir;

@@ -42,14 +42,16 @@ using Written = std::array<std::atomic<std::int64_t>, kCameras>;
 /// Memory that a fork shares.
 struct SharedMemory {
   SharedMemory()
-      : written(new (::mmap(nullptr, sizeof(Written), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0)) Written{}) {}
+      : written(new (::mmap(nullptr, sizeof(Written), PROT_READ | PROT_WRITE,
+                            MAP_SHARED | MAP_ANONYMOUS, -1, 0)) Written{}) {}
   SharedMemory(const SharedMemory&) = delete;
   SharedMemory& operator=(const SharedMemory&) = delete;
   ~SharedMemory() { ::munmap(written, sizeof(Written)); }
   Written* written;
 };
 
-/// Records like a recorder, a thread per camera, until the disk refuses; triggers.csv follows behind.
+/// Records like a recorder, a thread per camera, until the disk refuses; triggers.csv follows
+/// behind.
 void RecordUntilTheEnd(const TakePaths& take, const RigConfig& config, Written& written) {
   std::vector<std::unique_ptr<RawFileWriter>> writers;
   for (const CameraConfig& camera : config.cameras)
@@ -175,7 +177,8 @@ TEST(Crash, AFullDiskLosesNothingThatWasWritten) {
     ::waitpid(child, &status, 0);
     ASSERT_TRUE(WIFEXITED(status));
     if (WEXITSTATUS(status) == kNotPermitted)
-      GTEST_SKIP() << "mounting a small disk is not permitted here: run as root or allow user namespaces";
+      GTEST_SKIP()
+          << "mounting a small disk is not permitted here: run as root or allow user namespaces";
     EXPECT_EQ(WEXITSTATUS(status), 0) << size;
   }
 }

@@ -241,7 +241,8 @@ TEST(RawFile, RefusesOtherFilesAndVersions) {
               HasSubstr("b.raw: format version 9 is unknown"));
   bytes[20] ^= 1;
   WriteStringAtomically(dir / "b.raw", bytes);
-  EXPECT_THAT(ErrorOf([&] { ReadRawIndex(dir / "b.raw"); }), HasSubstr("the file header is damaged"));
+  EXPECT_THAT(ErrorOf([&] { ReadRawIndex(dir / "b.raw"); }),
+              HasSubstr("the file header is damaged"));
   WriteStringAtomically(dir / "c.raw", "something else");
   EXPECT_THAT(ErrorOf([&] { ReadRawIndex(dir / "c.raw"); }),
               HasSubstr("c.raw: is not a recording"));

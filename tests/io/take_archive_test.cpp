@@ -29,7 +29,8 @@ std::string Output(const std::string& command) {
   std::string output;
   FILE* pipe = popen((command + " 2>&1").c_str(), "r");
   char buffer[65536];
-  while (const std::size_t count = std::fread(buffer, 1, sizeof buffer, pipe)) output.append(buffer, count);
+  while (const std::size_t count = std::fread(buffer, 1, sizeof buffer, pipe))
+    output.append(buffer, count);
   pclose(pipe);
   return output;
 }
@@ -62,16 +63,19 @@ TEST(ArchiveTake, GivesEveryRawFileBackToTheByte) {
   RigConfig config;
   const TakePaths take = MakeTake(dir / "take", config);
   std::vector<std::string> before;
-  for (const CameraConfig& camera : config.cameras) before.push_back(ReadFile(take.Raw(camera.serial)));
+  for (const CameraConfig& camera : config.cameras)
+    before.push_back(ReadFile(take.Raw(camera.serial)));
   const TakeArchiveResult archived = ArchiveTake(take.root, {.delete_source = true});
   EXPECT_EQ(archived.records, 2 * kTriggers - 1);
   EXPECT_EQ(archived.raw_bytes, before[0].size() + before[1].size());
   EXPECT_EQ(archived.deleted, 2);
-  for (const CameraConfig& camera : config.cameras) EXPECT_FALSE(fs::exists(take.Raw(camera.serial)));
+  for (const CameraConfig& camera : config.cameras)
+    EXPECT_FALSE(fs::exists(take.Raw(camera.serial)));
   EXPECT_THAT(CheckTake(take.root).faults, IsEmpty());
   EXPECT_EQ(CheckTake(take.root).cameras[1].storage, "archive");
   EXPECT_EQ(CheckTake(take.root).cameras[1].incomplete, 1);
-  EXPECT_THAT(ErrorOf([&] { TakeReader reader(take.root); }), HasSubstr("is archived: run sole take archive --restore"));
+  EXPECT_THAT(ErrorOf([&] { TakeReader reader(take.root); }),
+              HasSubstr("is archived: run sole take archive --restore"));
   EXPECT_THAT(ErrorOf([&] { RecoverTake(take.root); }), HasSubstr("is archived"));
   EXPECT_THAT(ErrorOf([&] { ArchiveTake(take.root); }), HasSubstr("the take is archived already"));
 
@@ -98,7 +102,8 @@ TEST(ArchiveTake, MakesAnotherTakeAndKeepsTheFirst) {
   EXPECT_EQ(ReadFile(back.Triggers()), ReadFile(take.Triggers()));
   EXPECT_EQ(ReadFile(back.root / "scans" / "stats.json"), "{}");
   EXPECT_FALSE(fs::exists(dir / "archive" / "cameras" / (config.cameras[0].serial + ".raw")));
-  EXPECT_THAT(ErrorOf([&] { ArchiveTake(take.root, {.out = dir / "archive"}); }), HasSubstr("already holds a take"));
+  EXPECT_THAT(ErrorOf([&] { ArchiveTake(take.root, {.out = dir / "archive"}); }),
+              HasSubstr("already holds a take"));
   EXPECT_THAT(ErrorOf([&] { RestoreTake(take.root); }), HasSubstr("nothing to restore"));
 }
 
@@ -113,13 +118,16 @@ TEST(ArchiveTake, OtherPeoplesProgramsReadTheFrames) {
     const std::string video = take.Archive(config.cameras[c].serial).string();
     const std::string probe = Output(
         "ffprobe -v error -count_frames -select_streams v -show_entries "
-        "stream=codec_name,width,height,pix_fmt,r_frame_rate,nb_read_frames -of default=nw=1 " + video);
+        "stream=codec_name,width,height,pix_fmt,r_frame_rate,nb_read_frames -of default=nw=1 " +
+        video);
     EXPECT_THAT(probe, HasSubstr("codec_name=ffv1\n"));
     EXPECT_THAT(probe, HasSubstr("width=" + std::to_string(config.cameras[c].width) + "\n"));
     EXPECT_THAT(probe, HasSubstr("height=67\n"));
     EXPECT_THAT(probe, HasSubstr("pix_fmt=gray\n"));
     EXPECT_THAT(probe, HasSubstr("r_frame_rate=10/1\n"));
-    EXPECT_THAT(probe, HasSubstr("nb_read_frames=" + std::to_string(c == 0 ? kTriggers : kTriggers - 1) + "\n"));
+    EXPECT_THAT(
+        probe,
+        HasSubstr("nb_read_frames=" + std::to_string(c == 0 ? kTriggers : kTriggers - 1) + "\n"));
     const std::string raw = Output("ffmpeg -v error -i " + video + " -f rawvideo -pix_fmt gray -");
     std::string expected;
     for (std::int64_t t = 1; t <= kTriggers; ++t) {
@@ -149,7 +157,8 @@ TEST(ArchiveTake, RefusesDamageAndDeletesNothingThen) {
   std::string bytes = ReadFile(raw);
   bytes[3 * kRawBlock - 1] ^= 1;  // pixels of trigger 1
   WriteStringAtomically(raw, bytes);
-  EXPECT_THAT(ErrorOf([&] { ArchiveTake(take.root, {.delete_source = true}); }), HasSubstr("fails its checksum"));
+  EXPECT_THAT(ErrorOf([&] { ArchiveTake(take.root, {.delete_source = true}); }),
+              HasSubstr("fails its checksum"));
   EXPECT_TRUE(fs::exists(take.Raw(config.cameras[0].serial)));
   EXPECT_FALSE(fs::exists(take.Archive(config.cameras[1].serial)));
   TakeInfo info = ReadTakeInfo(take);

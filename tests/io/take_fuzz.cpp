@@ -64,7 +64,9 @@ class Fuzzer {
   TakeFuzzResult Run() {
     const auto begin = std::chrono::steady_clock::now();
     while (result_.rounds < options_.rounds && result_.finding.empty()) {
-      if (std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count() > options_.seconds) break;
+      if (std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count() >
+          options_.seconds)
+        break;
       Round();
       ++result_.rounds;
     }
@@ -83,32 +85,57 @@ class Fuzzer {
   std::size_t Place(const std::string& bytes) {
     if (Below(2) == 0) return Below(bytes.size());
     const std::size_t header = bytes.find("SREC", Below(bytes.size()));
-    if (header == std::string::npos || header + 64 > bytes.size()) return Below(std::min<std::size_t>(64, bytes.size()));
+    if (header == std::string::npos || header + 64 > bytes.size())
+      return Below(std::min<std::size_t>(64, bytes.size()));
     return header + Below(64);
   }
 
   void Mutate(std::string& bytes, const std::string& other) {
     static constexpr std::array<std::uint64_t, 10> kNumbers{
-        0, 1, 0x7f, 0xff, 0xffff, 0x7fffffff, 0xffffffff, 0x7fffffffffffffff, 0xffffffffffffffff, 4096};
+        0,   1, 0x7f, 0xff, 0xffff, 0x7fffffff, 0xffffffff, 0x7fffffffffffffff, 0xffffffffffffffff,
+        4096};
     for (std::size_t n = 1 + Below(5); n > 0 && !bytes.empty(); --n) {
       const std::size_t at = Place(bytes);
       const std::size_t rest = bytes.size() - at;
       switch (Below(9)) {
-        case 0: bytes[at] = static_cast<char>(bytes[at] ^ (1 << Below(8))); break;
-        case 1: bytes[at] = static_cast<char>(random_()); break;
-        case 2: std::memcpy(&bytes[at], &kNumbers[Below(kNumbers.size())], std::min(rest, std::size_t{1} << Below(4))); break;
-        case 3: bytes.resize(at); break;
-        case 4: bytes.insert(at, 1 + Below(70), static_cast<char>(random_())); break;
-        case 5: bytes.erase(at, 1 + Below(70)); break;
-        case 6: bytes.insert(at / kRawBlock * kRawBlock, bytes.substr(Below(bytes.size()) / kRawBlock * kRawBlock, kRawBlock * (1 + Below(3)))); break;
-        case 7: bytes.replace(at, std::min(rest, Below(200)), other.substr(Below(other.size() + 1), Below(200))); break;
-        default: bytes.replace(at, std::min(rest, std::size_t{16}), std::min(rest, std::size_t{16}), '\0'); break;
+        case 0:
+          bytes[at] = static_cast<char>(bytes[at] ^ (1 << Below(8)));
+          break;
+        case 1:
+          bytes[at] = static_cast<char>(random_());
+          break;
+        case 2:
+          std::memcpy(&bytes[at], &kNumbers[Below(kNumbers.size())],
+                      std::min(rest, std::size_t{1} << Below(4)));
+          break;
+        case 3:
+          bytes.resize(at);
+          break;
+        case 4:
+          bytes.insert(at, 1 + Below(70), static_cast<char>(random_()));
+          break;
+        case 5:
+          bytes.erase(at, 1 + Below(70));
+          break;
+        case 6:
+          bytes.insert(at / kRawBlock * kRawBlock,
+                       bytes.substr(Below(bytes.size()) / kRawBlock * kRawBlock,
+                                    kRawBlock * (1 + Below(3))));
+          break;
+        case 7:
+          bytes.replace(at, std::min(rest, Below(200)),
+                        other.substr(Below(other.size() + 1), Below(200)));
+          break;
+        default:
+          bytes.replace(at, std::min(rest, std::size_t{16}), std::min(rest, std::size_t{16}), '\0');
+          break;
       }
     }
   }
 
   static void Put(const fs::path& path, const std::string& bytes) {
-    std::ofstream(path, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+    std::ofstream(path, std::ios::binary)
+        .write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
   }
 
   void Round() {
@@ -154,7 +181,8 @@ class Fuzzer {
 
   void Find(const char* what, const std::string& finding) {
     if (result_.finding.empty())
-      result_.finding = "round " + std::to_string(result_.rounds) + ", " + kind_ + ", " + what + ": " + finding;
+      result_.finding =
+          "round " + std::to_string(result_.rounds) + ", " + kind_ + ", " + what + ": " + finding;
   }
 
   void ReadAll(const char* what, const fs::path& take) {
@@ -179,7 +207,8 @@ class Fuzzer {
       const TakeCheck check = CheckTake(dir_ / "copy", {.threads = 1});
       // A trigger that is there twice stays: the first one counts.
       for (const std::string& fault : check.faults) {
-        if (kind_ == ".raw" && fault.find("is there twice") == std::string::npos && fault.find("the verdict is good") == std::string::npos)
+        if (kind_ == ".raw" && fault.find("is there twice") == std::string::npos &&
+            fault.find("the verdict is good") == std::string::npos)
           Find("check after recovery", fault);
       }
     });
@@ -191,9 +220,11 @@ class Fuzzer {
     const fs::path restored = dir_ / "copy";
     Try("read an archive", [&] { ReadArchiveIndex(dir_ / victim.path); });
     if (Try("restore", [&] { RestoreRawFile(dir_ / victim.path, restored); }) && !sealed_) {
-      const fs::path raw = fs::path("raw") / "cameras" / victim.path.filename().replace_extension(".raw");
+      const fs::path raw =
+          fs::path("raw") / "cameras" / victim.path.filename().replace_extension(".raw");
       for (const File& file : files_) {
-        if (file.path == raw && ReadFile(restored) != file.bytes) Find("restore", "gave another file back");
+        if (file.path == raw && ReadFile(restored) != file.bytes)
+          Find("restore", "gave another file back");
       }
     }
   }

@@ -16,10 +16,12 @@ int main(int argc, char** argv) {
   const sole::io::TakeFuzzResult result = sole::io::FuzzTake(options);
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
-  std::printf("%lld rounds, peak memory %ld MB\n", static_cast<long long>(result.rounds), usage.ru_maxrss / 1024);
+  std::printf("%lld rounds, peak memory %ld MB\n", static_cast<long long>(result.rounds),
+              usage.ru_maxrss / 1024);
   for (const auto& [kind, count] : result.accepted) {
     const auto refused = result.refused.find(kind);
-    std::printf("%s: %lld calls went through, %lld refused\n", kind.c_str(), static_cast<long long>(count),
+    std::printf("%s: %lld calls went through, %lld refused\n", kind.c_str(),
+                static_cast<long long>(count),
                 static_cast<long long>(refused == result.refused.end() ? 0 : refused->second));
   }
   std::printf("findings: %s\n", result.finding.empty() ? "none" : result.finding.c_str());

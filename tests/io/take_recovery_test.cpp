@@ -84,7 +84,8 @@ TEST(RecoverTake, ClosesFilesAndCompletesTriggersWithTheCamerasClocks) {
   const TempDir dir;
   const RigConfig config = TinyRig(2);
   const TakePaths take = Interrupted(dir / "take", config, 2);
-  Cut(take.Raw(config.cameras[1].serial).string() + ".partial", kRawBlock + kTriggers * kRecord - 1);
+  Cut(take.Raw(config.cameras[1].serial).string() + ".partial",
+      kRawBlock + kTriggers * kRecord - 1);
   const TakeRecovery result = RecoverTake(take.root);
   EXPECT_TRUE(result.changed);
   EXPECT_EQ(result.state, "recovered");
@@ -97,7 +98,8 @@ TEST(RecoverTake, ClosesFilesAndCompletesTriggersWithTheCamerasClocks) {
   EXPECT_EQ(result.cameras[1].kept, kTriggers - 1);
   EXPECT_EQ(result.cameras[1].torn, 1);
   EXPECT_THAT(result.cameras[1].lost_triggers, ElementsAre(kTriggers));
-  EXPECT_THAT(result.reasons, Contains(HasSubstr(config.cameras[1].serial + ": 1 of 5 frames lost (triggers 5)")));
+  EXPECT_THAT(result.reasons,
+              Contains(HasSubstr(config.cameras[1].serial + ": 1 of 5 frames lost (triggers 5)")));
   const std::vector<TriggerRecord> lines = ReadTriggers(take);
   ASSERT_EQ(lines.size(), 5U);
   for (std::size_t i = 0; i < lines.size(); ++i) {
@@ -138,9 +140,11 @@ TEST(RecoverTake, ATruncationAnywhereLosesNoWholeRecordAndInventsNone) {
     EXPECT_EQ(result.cameras[0].kept, static_cast<std::int64_t>(records)) << size;
     EXPECT_LE(result.cameras[0].torn, 1);
     // Triggers that neither file knows are beyond anybody's knowledge.
-    const std::int64_t known = std::max<std::int64_t>(kTriggers - 1, static_cast<std::int64_t>(records));
+    const std::int64_t known =
+        std::max<std::int64_t>(kTriggers - 1, static_cast<std::int64_t>(records));
     EXPECT_EQ(result.triggers, known) << size;
-    EXPECT_EQ(result.cameras[0].lost_triggers.size(), static_cast<std::size_t>(known) - records) << size;
+    EXPECT_EQ(result.cameras[0].lost_triggers.size(), static_cast<std::size_t>(known) - records)
+        << size;
     EXPECT_THAT(ImagesOf({dir / "cut"}), ElementsAre(static_cast<int>(records))) << size;
     EXPECT_EQ(result.verdict, records == 0 ? "repeat" : "usable") << size;
     EXPECT_THAT(CheckTake(dir / "cut").faults, IsEmpty()) << size;
@@ -151,14 +155,17 @@ TEST(RecoverTake, DamageInTheMiddleCostsThatRecordOnlyAndKeepsTheOriginal) {
   const TempDir dir;
   const RigConfig config = TinyRig(2);
   const TakePaths take = WriteTinyTake(dir / "take", config, kTriggers);
-  const fs::path raw = take.Raw(config.cameras[0].serial), other = take.Raw(config.cameras[1].serial);
+  const fs::path raw = take.Raw(config.cameras[0].serial),
+                 other = take.Raw(config.cameras[1].serial);
   Damage(raw, kRawBlock + 1 * kRecord + kRawBlock + 9);  // pixels of trigger 2
   Damage(raw, kRawBlock + 3 * kRecord + 9);              // header of trigger 4
   Damage(other, 30);                                     // file header
   const std::string damaged = ReadFile(raw);
-  EXPECT_THAT(CheckTake(take.root).faults,
-              ElementsAre(HasSubstr("belong to no record"), HasSubstr("record of trigger 2 does not match its checksum"),
-                          HasSubstr("file header is damaged"), HasSubstr("the verdict is good, but")));
+  EXPECT_THAT(
+      CheckTake(take.root).faults,
+      ElementsAre(HasSubstr("belong to no record"),
+                  HasSubstr("record of trigger 2 does not match its checksum"),
+                  HasSubstr("file header is damaged"), HasSubstr("the verdict is good, but")));
   const TakeRecovery result = RecoverTake(take.root);
   EXPECT_TRUE(result.changed);
   EXPECT_EQ(result.verdict, "repeat");
@@ -223,7 +230,8 @@ TEST(RecoverTake, RefusesWhatIsBeingRecordedAndNamesWhatItCannotMend) {
   EXPECT_NO_THROW(RecoverTake(take.root));
   EXPECT_THAT(ErrorOf([&] { RecoverTake(dir / "none"); }), HasSubstr("is not a take"));
   fs::remove(take.RigFile());
-  EXPECT_THAT(ErrorOf([&] { RecoverTake(take.root); }), HasSubstr("rig.toml is missing: put the rig file there"));
+  EXPECT_THAT(ErrorOf([&] { RecoverTake(take.root); }),
+              HasSubstr("rig.toml is missing: put the rig file there"));
   const TakePaths other = WriteTinyTake(dir / "other", TinyRig(2), 2);
   fs::copy_file(other.Raw(TinyRig(2).cameras[0].serial), other.Raw(TinyRig(2).cameras[1].serial),
                 fs::copy_options::overwrite_existing);
@@ -235,8 +243,9 @@ TEST(RecoverTake, CanBeStoppedAndRepeated) {
   const RigConfig config = TinyRig(2);
   const TakePaths take = Interrupted(dir / "take", config, 1);
   std::atomic<bool> stop{false};
-  const RecoverOptions options{.progress = [&](std::int64_t done, std::int64_t) { stop = done == kTriggers + 2; },
-                               .stop = &stop};
+  const RecoverOptions options{
+      .progress = [&](std::int64_t done, std::int64_t) { stop = done == kTriggers + 2; },
+      .stop = &stop};
   EXPECT_THAT(ErrorOf([&] { RecoverTake(take.root, options); }), HasSubstr("stopped"));
   EXPECT_THAT(ImagesOf(take), ElementsAre(4, 4));  // readable as it is
   EXPECT_EQ(RecoverTake(take.root).state, "recovered");

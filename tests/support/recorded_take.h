@@ -24,7 +24,8 @@ inline RigConfig TinyRig(int count, int width = 64, int height = 64) {
 /// The only image that may be found under this camera and trigger.
 inline ImageU8 TinyImage(const RigConfig& config, std::size_t camera, std::int64_t trigger) {
   ImageU8 image(config.cameras[camera].width, config.cameras[camera].height);
-  auto state = static_cast<std::uint32_t>(camera * 7919 + static_cast<std::uint64_t>(trigger) * 104729);
+  auto state =
+      static_cast<std::uint32_t>(camera * 7919 + static_cast<std::uint64_t>(trigger) * 104729);
   for (std::uint8_t& pixel : image.pixels) {
     state = state * 1664525U + 1013904223U;
     pixel = static_cast<std::uint8_t>(state >> 24);
@@ -37,7 +38,8 @@ inline ExposureKind TinyKind(std::int64_t trigger) {
 }
 
 /// Every tenth of a second, 1 ms late, on a camera clock that is 123 s and its place ahead.
-inline io::RawRecordHeader TinyHeader(const RigConfig& config, std::size_t camera, std::int64_t trigger) {
+inline io::RawRecordHeader TinyHeader(const RigConfig& config, std::size_t camera,
+                                      std::int64_t trigger) {
   return {.trigger = trigger,
           .frame_id = static_cast<std::uint64_t>(trigger + 5),
           .device_time_ns = 123'000'000'000 + camera * 1'000'000'000 +
@@ -68,7 +70,8 @@ inline io::TakePaths BeginTake(const std::filesystem::path& root, const RigConfi
 }
 
 /// A closed take of `triggers` triggers without losses.
-inline io::TakePaths WriteTinyTake(const std::filesystem::path& root, const RigConfig& config, std::int64_t triggers) {
+inline io::TakePaths WriteTinyTake(const std::filesystem::path& root, const RigConfig& config,
+                                   std::int64_t triggers) {
   const io::TakePaths take = BeginTake(root, config);
   std::vector<io::TriggerRecord> lines;
   for (std::int64_t t = 1; t <= triggers; ++t) lines.push_back(TinyTrigger(t));
