@@ -194,6 +194,7 @@ void WriteRendered(const RigConfig& config, const RenderedTake& rendered, const 
       header.host_time_ns = static_cast<std::int64_t>(header.device_time_ns);
       header.width = static_cast<std::uint32_t>(image.width);
       header.height = static_cast<std::uint32_t>(image.height);
+      header.kind = rendered.kind;
       writer.Append(header, image.pixels.data());
     }
     writer.Close();

@@ -7,6 +7,7 @@
 
 #include "core/error.h"
 #include "io/raw_layout_internal.h"
+#include "io/shown_internal.h"
 
 namespace sole::io {
 
@@ -41,8 +42,9 @@ RawIndex Scan(const fs::path& file, const std::string& serial, bool& head_holds,
   } catch (const Error&) {
     head_holds = false;
   }
-  Require(head.serial == serial, file.string() + ": holds camera '" + head.serial + "', not '" +
-                                     serial + "': put the right file in its place");
+  Require(head.serial == serial, file.string() + ": holds camera '" + Shown(head.serial) +
+                                     "', not '" + Shown(serial) +
+                                     "': put the right file in its place");
   block = head.block;
   return ScanRawRecords(opened, size, head.block);
 }
