@@ -164,7 +164,9 @@ TEST(Crash, AFullDiskLosesNothingThatWasWritten) {
       WriteStringAtomically(dir / "filler", std::string(64 << 10, 'x'));
       const SharedMemory shared;
       RecordUntilTheEnd(take, config, *shared.written);
-      EXPECT_GT((*shared.written)[0], 5);
+      std::int64_t records = 0;
+      for (const auto& camera : *shared.written) records += camera;
+      EXPECT_GT(records, 50);  // whichever camera took the room
       // Not a byte may be left for a new triggers.csv: recovery says so and spoils nothing.
       const std::string error = ErrorOf([&] { RecoverTake(take.root); });
       EXPECT_THAT(error, AnyOf(HasSubstr("no error"),
