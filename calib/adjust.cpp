@@ -36,6 +36,10 @@ std::vector<Term> Collect(const TakeObservations& observations) {
   return terms;
 }
 
+bool Keeps(const std::vector<bool>& keep, std::size_t camera) {
+  return camera < keep.size() && keep[camera];
+}
+
 std::size_t At(int index) { return static_cast<std::size_t>(index); }
 
 /// Parameter blocks around the reference `state`, and the problem made of them. All blocks lie in
@@ -125,6 +129,8 @@ class Adjustment {
       problem.AddParameterBlock(
           IntrinsicsOf(c), kNumIntrinsics,
           options_.estimate_k3 ? nullptr : new ceres::SubsetManifold(kNumIntrinsics, {8}));
+      if (Keeps(options_.keep_pose, c)) problem.SetParameterBlockConstant(Pose(c));
+      if (Keeps(options_.keep_intrinsics, c)) problem.SetParameterBlockConstant(IntrinsicsOf(c));
     }
     problem.AddParameterBlock(Thickness(), 1);
     for (const Term& term : terms) {
@@ -241,7 +247,7 @@ int SelectInliers(const Adjustment& adjustment, double outlier_sigmas, std::vect
 }
 
 void FillStatistics(const Adjustment& adjustment, const std::vector<Term>& terms,
-                    AdjustResult& result) {
+                    const AdjustOptions& options, AdjustResult& result) {
   const std::size_t cameras = result.state.cameras.size();
   std::vector<double> sums(cameras, 0);
   result.camera_corners.assign(cameras, 0);
@@ -261,8 +267,11 @@ void FillStatistics(const Adjustment& adjustment, const std::vector<Term>& terms
     result.camera_rms_px.push_back(std::sqrt(sums[c] / std::max(1, 2 * result.camera_corners[c])));
   }
   result.reprojection_rms_px = std::sqrt(total / std::max(1, 2 * count));
-  const double unknowns = 14.0 * static_cast<double>(cameras) +
-                          6.0 * static_cast<double>(result.state.world_from_body.size());
+  double unknowns = 6.0 * static_cast<double>(result.state.world_from_body.size());
+  for (std::size_t c = 0; c < cameras; ++c) {
+    unknowns += Keeps(options.keep_pose, c) ? 0 : 6;
+    unknowns += Keeps(options.keep_intrinsics, c) ? 0 : (options.estimate_k3 ? 9 : 8);
+  }
   result.sigma0 = std::sqrt(weighted / std::max(1.0, 2.0 * count - unknowns));
 }
 
@@ -304,7 +313,7 @@ AdjustResult Adjust(const AdjustState& start, const TakeObservations& observatio
   }
   result.converged = summary.termination_type == ceres::CONVERGENCE;
   result.state = adjustment.State();
-  FillStatistics(adjustment, terms, result);
+  FillStatistics(adjustment, terms, options, result);
   result.covariance = adjustment.Covariance(terms) * (result.sigma0 * result.sigma0);
   return result;
 }

@@ -26,6 +26,8 @@ struct AdjustOptions {
   bool estimate_thickness = true;
   bool estimate_k3 =
       false;  ///< k3 is weakly determined by lenses of 30 degrees: kept at its start value
+  std::vector<bool> keep_pose;        ///< cameras whose pose is known; empty: none
+  std::vector<bool> keep_intrinsics;  ///< cameras whose intrinsics are known; empty: none
   int max_iterations = 100;
   int threads = 1;  ///< results repeat bit by bit only with 1
 };

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <cstdio>
 #include <ctime>
-#include <map>
 #include <string>
 
 #include "calib/judge.h"
@@ -49,41 +48,6 @@ void RequireEnough(const RigConfig& config, const TakeObservations& observations
       fiducial,
       "calibration: no camera sees a fiducial of the plate, which define the world frame; check "
       "[[plate.fiducial]] in the rig file, light and focus");
-}
-
-/// Fiducials do not move, so each camera's views of a corner become one: the mean around their
-/// median. Its sigma keeps the part that repetition does not average away.
-std::vector<PointObservation> MeanFiducials(const TakeObservations& observations,
-                                            std::size_t camera, double sigma_floor_px) {
-  std::map<int, std::vector<PointObservation>> seen;
-  for (const auto& frame : observations.frames) {
-    for (const PointObservation& o : frame[camera].fiducials) seen[o.point].push_back(o);
-  }
-  std::vector<PointObservation> means;
-  for (auto& [point, views] : seen) {
-    Eigen::Vector2d median;
-    for (int axis = 0; axis < 2; ++axis) {
-      const auto middle = views.begin() + static_cast<std::ptrdiff_t>(views.size() / 2);
-      std::nth_element(views.begin(), middle, views.end(), [axis](const auto& a, const auto& b) {
-        return a.pixel[axis] < b.pixel[axis];
-      });
-      median[axis] = middle->pixel[axis];
-    }
-    PointObservation mean{point, Eigen::Vector2d::Zero(), 0};
-    int count = 0;
-    for (const PointObservation& o : views) {
-      if ((o.pixel - median).norm() > 0.5) continue;
-      mean.pixel += o.pixel;
-      mean.sigma_px += o.sigma_px * o.sigma_px;
-      ++count;
-    }
-    if (2 * static_cast<std::size_t>(count) < views.size())
-      continue;  // not one place: a wrong marker
-    mean.pixel /= count;
-    mean.sigma_px = std::hypot(std::sqrt(mean.sigma_px) / count, sigma_floor_px);
-    means.push_back(mean);
-  }
-  return means;
 }
 
 /// Usable frames, divided into those to adjust and those to judge by. Fiducials stand in the first

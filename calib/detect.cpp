@@ -9,6 +9,7 @@
 #include <opencv2/aruco.hpp>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 #include <optional>
 #include <string>
 
@@ -181,7 +182,7 @@ void DetectFiducials(const ImageU8& image, const std::vector<Fiducial>& fiducial
     const Quad& corners = mine[i].corners;
     const double module =
         std::min((corners[1] - corners[0]).norm(), (corners[2] - corners[1]).norm()) / 7;
-    const auto fitted = FitSquare(image, corners, std::min(3.0, 0.45 * module));
+    const auto fitted = FitSquare(image, corners, std::min(3.0 + 2 * options.blur_px, 0.45 * module));
     if (!fitted) continue;
     for (std::size_t k = 0; k < 4; ++k) {
       const FittedPoint& point = (*fitted)[k];
@@ -199,10 +200,25 @@ DetectTarget TargetOf(const RigConfig& config) {
   return {MakeCalibrationCube(t.edge_m, t.squares, t.square_m, t.marker_m), config.plate.fiducials};
 }
 
-ViewObservations DetectInImage(const ImageU8& image, const DetectTarget& target,
+DetectOptions SpeckleDetectOptions() {
+  DetectOptions options;
+  options.blur_px = 2.5;
+  options.fiducial_sigma_floor_px = 0.3;
+  options.max_sigma_px = 1;
+  return options;
+}
+
+ViewObservations DetectInImage(const ImageU8& sharp, const DetectTarget& target,
                                bool mirrored_fiducials, const DetectOptions& options) {
   ViewObservations view;
-  if (image.Empty()) return view;
+  if (sharp.Empty()) return view;
+  ImageU8 smooth;
+  if (options.blur_px > 0) {
+    smooth = sharp;
+    cv::Mat pixels(smooth.height, smooth.width, CV_8UC1, smooth.pixels.data());
+    cv::GaussianBlur(pixels, pixels, {}, options.blur_px);
+  }
+  const ImageU8& image = options.blur_px > 0 ? smooth : sharp;
   const std::vector<Marker> markers = FindMarkers(image, false);
   int first_point = 0;
   for (const CharucoFace& face : target.body.faces) {

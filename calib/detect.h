@@ -15,6 +15,7 @@ struct DetectOptions {
   double fiducial_sigma_floor_px =
       0.04;                    ///< of fiducials, whose edges may run along the pixels' grid
   double max_sigma_px = 0.15;  ///< worse fits are left out
+  double blur_px = 0;          ///< smooths images first; makes marks legible under projected speckle
   int min_markers = 2;         ///< of a face, to trust it
 };
 
@@ -25,6 +26,9 @@ struct DetectTarget {
 };
 
 DetectTarget TargetOf(const RigConfig& config);
+
+/// For marks lit by projected speckle: smoothed, wider strips, and no better than that light allows.
+DetectOptions SpeckleDetectOptions();
 
 /// Corners of the target and of the fiducials in one image. `mirrored_fiducials`: the camera looks
 /// at the fiducials from below, where they appear mirrored. Markers with foreign ids, at places

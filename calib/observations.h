@@ -35,4 +35,9 @@ std::vector<Eigen::Vector3d> TargetCorners(const CalibrationBody& body);
 /// Corners of all fiducials in the world frame, four per fiducial in FiducialCorners' order (m).
 std::vector<Eigen::Vector3d> FiducialCornerPoints(const PlateConfig& plate);
 
+/// Fiducials do not move, so a camera's views of each corner in all frames become one: the mean
+/// around their median. Its sigma keeps `sigma_floor_px`, which repetition does not average away.
+std::vector<PointObservation> MeanFiducials(const TakeObservations& observations,
+                                            std::size_t camera, double sigma_floor_px);
+
 }  // namespace sole::calib

@@ -273,6 +273,12 @@ double PoseCost(const AdjustState& state, const std::vector<ViewObservations>& f
   return cost;
 }
 
+void PlaceTargets(AdjustState& state, const TakeObservations& observations,
+                  const std::vector<Eigen::Vector3d>& target_corners) {
+  Placer(state, observations, target_corners, std::vector<bool>(state.cameras.size(), true))
+      .PlaceTargets();
+}
+
 AdjustState StartValues(const RigConfig& config, const TakeObservations& observations,
                         const std::vector<Eigen::Vector3d>& target_corners,
                         const std::vector<Eigen::Vector3d>& fiducial_corners) {

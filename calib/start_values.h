@@ -20,6 +20,10 @@ AdjustState StartValues(const RigConfig& config, const TakeObservations& observa
                         const std::vector<Eigen::Vector3d>& target_corners,
                         const std::vector<Eigen::Vector3d>& fiducial_corners);
 
+/// Poses of the target in every frame, from cameras that are all placed already.
+void PlaceTargets(AdjustState& state, const TakeObservations& observations,
+                  const std::vector<Eigen::Vector3d>& target_corners);
+
 /// Sum over all cameras of min(1, (residual / 20 px)^2) of one frame's target corners, for a target
 /// pose. Lower is better; the number of observations is the worst.
 double PoseCost(const AdjustState& state, const std::vector<ViewObservations>& frame,
