@@ -25,6 +25,7 @@ void AddPeopleCommands(CLI::App& sim, CommonOptions& common, int& status);
 void AddScansCommand(CLI::App& sim, CommonOptions& common, int& status);
 void AddCaptureCommands(CLI::App& app, CommonOptions& common, int& status);
 void AddTakeCommands(CLI::App& app, CommonOptions& common, int& status);
+void AddCalibrateCommands(CLI::App& app, CommonOptions& common, int& status);
 void AddProcessingCommands(CLI::App& app, CommonOptions& common, int& status);
 void AddMatchCommand(CLI::App& app, CommonOptions& common, int& status);
 void AddModelCommands(CLI::App& app, CommonOptions& common, int& status);

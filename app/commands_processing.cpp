@@ -12,9 +12,6 @@
 #include "app/evaluate.h"
 #include "app/export_colmap.h"
 #include "app/stages.h"
-#include "app/take_list.h"
-#include "calib/calibrate.h"
-#include "io/calibration_file.h"
 
 namespace sole::app {
 namespace {
@@ -22,25 +19,10 @@ namespace {
 using nlohmann::json;
 
 struct Arguments {
-  std::vector<std::string> takes;
   std::string take, calibration, out, model, format;
 
   std::filesystem::path ModelPath() const { return model.empty() ? DefaultModelPath() : std::filesystem::path(model); }
 };
-
-json StatsJson(const CalibrationStats& s) {
-  return {{"reprojection_rms_px", s.reprojection_rms_px}, {"heldout_rms_air_mm", s.heldout_rms_air_mm},
-          {"heldout_rms_glass_mm", s.heldout_rms_glass_mm}, {"heldout_max_mm", s.heldout_max_mm},
-          {"ground_rms_mm", s.ground_rms_mm}, {"poses_used", s.poses_used}, {"poses_heldout", s.poses_heldout},
-          {"camera_rms_px", s.camera_rms_px}, {"camera_corners", s.camera_corners}};
-}
-
-json CalibrateCommand(const Arguments& a) {
-  TakeList takes({a.takes.begin(), a.takes.end()});
-  const Calibration calibration = calib::Calibrate(takes.Config(), takes);
-  io::WriteCalibration(a.out, calibration);
-  return StatsJson(calibration.stats);
-}
 
 /// A command that runs `body` within the cap on threads and prints the account it returns.
 CLI::App* AddCommand(CLI::App& app, CommonOptions& common, int& status, const std::string& name,
@@ -62,11 +44,6 @@ void AddProcessingCommands(CLI::App& app, CommonOptions& common, int& status) {
   const auto a = std::make_shared<Arguments>();
   const auto add_take = [a](CLI::App* command) { command->add_option("TAKE", a->take, "Directory of the take")->required(); };
   const auto add_model = [a](CLI::App* command) { command->add_option("--model", a->model, "Foot model; default: the shipped one"); };
-
-  CLI::App* calibrate = AddCommand(app, common, status, "calibrate", "Cameras and plate from takes of the calibration cube",
-                                   "sole calibrate takes/cube --out rig-calibration.json", [a] { return CalibrateCommand(*a); });
-  calibrate->add_option("TAKE", a->takes, "Calibration takes")->required();
-  calibrate->add_option("--out", a->out, "Calibration file to write")->required();
 
   CLI::App* reconstruct = AddCommand(app, common, status, "reconstruct", "One point cloud per trigger",
                                      "sole reconstruct takes/S017 --calibration rig-calibration.json",
@@ -114,6 +91,7 @@ void AddProcessingCommands(CLI::App& app, CommonOptions& common, int& status) {
 void AddCommands(CLI::App& app, CommonOptions& common, int& status) {
   AddSimCommands(app, common, status);
   AddCaptureCommands(app, common, status);
+  AddCalibrateCommands(app, common, status);
   AddProcessingCommands(app, common, status);
   AddTakeCommands(app, common, status);
   AddMatchCommand(app, common, status);

@@ -26,7 +26,15 @@ void RequireEnough(const RigConfig& config, const TakeObservations& observations
   const std::string frames = std::to_string(observations.frames.size());
   for (std::size_t c = 0; c < config.cameras.size(); ++c) {
     int seen = 0;
-    for (const auto& frame : observations.frames) seen += frame[c].target.size() >= 4;
+    int mirrored = 0;
+    for (const auto& frame : observations.frames) {
+      seen += frame[c].target.size() >= 4;
+      mirrored += frame[c].mirrored_target;
+    }
+    Require(seen >= options.min_camera_frames || mirrored < options.min_camera_frames,
+            "calibration: camera " + config.cameras[c].serial + " shows the target mirrored in " +
+                std::to_string(mirrored) + " of " + frames +
+                " frames; turn off the camera's flipping, or print the target unmirrored");
     Require(seen >= options.min_camera_frames,
             "calibration: camera " + config.cameras[c].serial + " sees the target in " +
                 std::to_string(seen) + " of " + frames + " frames, needs " +

@@ -193,6 +193,18 @@ void DetectFiducials(const ImageU8& image, const std::vector<Fiducial>& fiducial
   }
 }
 
+/// Markers of the body among those found.
+int CountOf(const CalibrationBody& body, const std::vector<Marker>& markers) {
+  int ids = 0;
+  for (const CharucoFace& face : body.faces) ids += MarkerCount(face);
+  return static_cast<int>(std::count_if(markers.begin(), markers.end(), [&](const Marker& marker) {
+    return marker.id >= body.faces.front().first_id && marker.id < body.faces.front().first_id + ids;
+  }));
+}
+
+/// That many in one image are no chance.
+constexpr int kMirroredMarkers = 3;
+
 }  // namespace
 
 DetectTarget TargetOf(const RigConfig& config) {
@@ -225,8 +237,11 @@ ViewObservations DetectInImage(const ImageU8& sharp, const DetectTarget& target,
     DetectFace(image, face, first_point, markers, options, view.target);
     first_point += (face.squares_x - 1) * (face.squares_y - 1);
   }
-  DetectFiducials(image, target.fiducials, mirrored_fiducials ? FindMarkers(image, true) : markers,
-                  options, view.fiducials);
+  std::vector<Marker> flipped;
+  if (mirrored_fiducials || view.target.empty()) flipped = FindMarkers(image, true);
+  view.mirrored_target = view.target.empty() && CountOf(target.body, flipped) >= kMirroredMarkers;
+  DetectFiducials(image, target.fiducials, mirrored_fiducials ? flipped : markers, options,
+                  view.fiducials);
   return view;
 }
 

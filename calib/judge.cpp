@@ -158,6 +158,18 @@ std::optional<Rigid3> BodyPose(const Rig& rig, const std::vector<ViewObservation
   return Rigid3{Eigen::Quaterniond(pose.topLeftCorner<3, 3>()), pose.topRightCorner<3, 1>()};
 }
 
+/// Of each component.
+Eigen::Vector3d Median(std::vector<Eigen::Vector3d>& points) {
+  Eigen::Vector3d median;
+  const auto middle = points.begin() + static_cast<std::ptrdiff_t>(points.size() / 2);
+  for (int axis = 0; axis < 3; ++axis) {
+    std::nth_element(points.begin(), middle, points.end(),
+                     [axis](const auto& a, const auto& b) { return a[axis] < b[axis]; });
+    median[axis] = (*middle)[axis];
+  }
+  return median;
+}
+
 constexpr double kNotJudged = std::numeric_limits<double>::quiet_NaN();
 
 }  // namespace
@@ -176,8 +188,7 @@ std::vector<PairErrors> JudgePairs(const Rig& rig, const TakeObservations& heldo
       if (static_cast<int>(views.size()) < kLeastCorners) continue;
       const std::optional<Rigid3> pose = BodyPose(rig, frame, target_corners, reject_px);
       if (!pose) continue;
-      Eigen::Vector3d offset = Eigen::Vector3d::Zero();
-      int corners = 0;
+      std::vector<Eigen::Vector3d> displaced;
       for (const auto& [corner, seen] : views) {
         const Eigen::Vector3d point = Triangulate(rig, seen, 10 * reject_px);
         if (!point.allFinite()) continue;
@@ -187,11 +198,10 @@ std::vector<PairErrors> JudgePairs(const Rig& rig, const TakeObservations& heldo
         }
         misses += miss * miss;
         ++points;
-        offset += point - *pose * target_corners[static_cast<std::size_t>(corner)];
-        ++corners;
+        displaced.push_back(point - *pose * target_corners[static_cast<std::size_t>(corner)]);
       }
-      if (corners < kLeastCorners) continue;
-      offsets += (offset / corners).squaredNorm();
+      if (static_cast<int>(displaced.size()) < kLeastCorners) continue;
+      offsets += Median(displaced).squaredNorm();
       ++poses;
     }
     errors.push_back({poses > 0 ? 1000 * std::sqrt(offsets / poses) : kNotJudged,

@@ -35,7 +35,7 @@ TargetErrors JudgeTarget(const Rig& rig, const TakeObservations& heldout,
 
 /// What each stereo pair alone makes of the held-out poses, in the rig's order.
 struct PairErrors {
-  /// Displacement (mean over the corners, RMS over the poses) of the body as the pair sees it from
+  /// Displacement (median over the corners, RMS over the poses) of the body as the pair sees it from
   /// where all cameras see it. Corner noise averages out, so that a wrong plate shows: pairs that
   /// look through it obliquely put things elsewhere. NaN where a pair sees no pose.
   double offset_mm = 0;

@@ -20,6 +20,7 @@ struct PointObservation {
 struct ViewObservations {
   std::vector<PointObservation> target;
   std::vector<PointObservation> fiducials;
+  bool mirrored_target = false;  ///< the target is legible only in the flipped image
 };
 
 /// frames[f][c]: frame f of the take, camera c in rig order. The target stands in another pose in

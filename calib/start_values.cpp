@@ -279,6 +279,15 @@ void PlaceTargets(AdjustState& state, const TakeObservations& observations,
       .PlaceTargets();
 }
 
+std::vector<bool> PlaceAll(AdjustState& state, const TakeObservations& observations,
+                           const std::vector<Eigen::Vector3d>& target_corners,
+                           const std::vector<bool>& placed) {
+  Placer placer(state, observations, target_corners, placed);
+  placer.PlaceTargets();
+  while (placer.PlaceCameras() > 0) placer.PlaceTargets();
+  return placer.Placed();
+}
+
 AdjustState StartValues(const RigConfig& config, const TakeObservations& observations,
                         const std::vector<Eigen::Vector3d>& target_corners,
                         const std::vector<Eigen::Vector3d>& fiducial_corners) {
@@ -295,11 +304,9 @@ AdjustState StartValues(const RigConfig& config, const TakeObservations& observa
       std::find(placed.begin(), placed.end(), true) != placed.end(),
       "calibration: no camera sees two fiducials of the plate, which define the world frame; check "
       "[[plate.fiducial]] in the rig file, light and focus");
-  Placer placer(state, observations, target_corners, placed);
-  placer.PlaceTargets();
-  while (placer.PlaceCameras() > 0) placer.PlaceTargets();
+  placed = PlaceAll(state, observations, target_corners, placed);
   for (std::size_t c = 0; c < state.cameras.size(); ++c) {
-    Require(placer.Placed()[c],
+    Require(placed[c],
             "calibration: camera " + state.cameras[c].serial +
                 " sees no fiducials and no target pose that a placed camera sees; record "
                 "poses that it shares with another camera");

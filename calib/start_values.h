@@ -24,6 +24,12 @@ AdjustState StartValues(const RigConfig& config, const TakeObservations& observa
 void PlaceTargets(AdjustState& state, const TakeObservations& observations,
                   const std::vector<Eigen::Vector3d>& target_corners);
 
+/// The same where only some cameras are `placed`; the others are placed through target poses that
+/// they share. Returns which ones are placed then.
+std::vector<bool> PlaceAll(AdjustState& state, const TakeObservations& observations,
+                           const std::vector<Eigen::Vector3d>& target_corners,
+                           const std::vector<bool>& placed);
+
 /// Sum over all cameras of min(1, (residual / 20 px)^2) of one frame's target corners, for a target
 /// pose. Lower is better; the number of observations is the worst.
 double PoseCost(const AdjustState& state, const std::vector<ViewObservations>& frame,

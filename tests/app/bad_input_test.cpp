@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "io/atomic_file.h"
+#include "io/image_file.h"
 #include "io/mesh_file.h"
 #include "tests/app/run_program.h"
 #include "tests/app/small_take.h"
@@ -53,13 +54,43 @@ TEST_F(BadInput, WrongUsageIsStatusTwo) {
 }
 
 TEST_F(BadInput, EveryCommandHasHelpWithAnExample) {
-  for (const char* command : {"demo", "sim serve", "sim render", "sim people", "sim scans", "rig check", "record", "calibrate", "reconstruct", "contact",
+  for (const char* command : {"demo", "sim serve", "sim render", "sim people", "sim scans", "rig check", "record", "calibrate", "calibrate check", "reconstruct", "contact",
                               "fit", "process", "measure", "export", "evaluate", "match", "model info",
                               "model convert", "model pose", "model separate"}) {
     const ProgramResult help = RunSole(std::string(command) + " --help");
     EXPECT_EQ(help.status, 0) << command;
     EXPECT_THAT(help.output, HasSubstr("Example: sole " + std::string(command)));
   }
+}
+
+TEST_F(BadInput, PicturesThatCannotBeCalibrated) {
+  const std::string out = " --out " + (directory / "c.json").string();
+  const auto calibrate = [&](const std::string& folder, const std::string& target) {
+    return RunSole("calibrate --images " + (directory / folder).string() + " --target " + target + out);
+  };
+  EXPECT_EQ(RunSole("calibrate" + out).status, 2);
+  ExpectOneLine(calibrate("none", "chessboard:9x6:25mm"), {"none", "is not a folder"});
+  fs::create_directories(directory / "pictures" / "left");
+  ExpectOneLine(calibrate("pictures", "chessboard:9x6:25mm"), {"holds no pictures"});
+  ExpectOneLine(calibrate("pictures", "chessboard:9x6:25cm"), {"9x6:25mm"});
+  ExpectOneLine(calibrate("pictures", "circles:4x5"), {"circles:4x5", "chessboard:COLUMNSxROWS:SQUARE"});
+  io::WriteImage(directory / "pictures" / "left" / "1.png", ImageU8(320, 240, 90));
+  io::WriteImage(directory / "pictures" / "left" / "2.png", ImageU8(640, 480, 90));
+  ExpectOneLine(calibrate("pictures", "chessboard:9x6:25mm"), {"2.png: is 640x480, but 1.png of the same camera 320x240"});
+  fs::remove(directory / "pictures" / "left" / "2.png");
+  ExpectOneLine(calibrate("pictures", "chessboard:9x6:25mm"), {"camera left sees the whole chessboard in 0 of 1 pictures"});
+  EXPECT_FALSE(fs::exists(directory / "c.json"));
+}
+
+TEST_F(BadInput, DriftCheckNeedsMarksAndTheSameRig) {
+  const std::string check = "calibrate check " + take.string() + " --calibration " + calibration.string();
+  ExpectOneLine(RunSole(check), {"no camera sees enough fiducials"});
+  EXPECT_EQ(RunSole(check + " --readjust").status, 2);
+  RigConfig other = rig;
+  other.cameras[0].serial = "OTHER01";
+  other.pairs[0].left = "OTHER01";
+  io::WriteCalibration(calibration, NominalCalibration(other));
+  ExpectOneLine(RunSole(check), {"another rig"});
 }
 
 TEST_F(BadInput, RigFileWithUnknownKeyNamesLineAndColumn) {

@@ -157,6 +157,9 @@ TEST(Calibrate, RefusesWhatCannotBeCalibrated) {
   for (auto& frame : blind.frames) frame[1].target.clear();
   EXPECT_THAT(message(blind), HasSubstr("camera SIM0002 sees the target in 0 of 10 frames"));
 
+  for (auto& frame : blind.frames) frame[1].mirrored_target = true;
+  EXPECT_THAT(message(blind), HasSubstr("camera SIM0002 shows the target mirrored in 10 of 10"));
+
   TakeObservations unmarked = good;
   for (auto& frame : unmarked.frames) {
     for (auto& view : frame) view.fiducials.clear();

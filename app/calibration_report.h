@@ -1,0 +1,15 @@
+#pragma once
+
+#include <filesystem>
+
+#include "calib/observations.h"
+#include "core/rig.h"
+
+namespace sole::app {
+
+/// One self-contained HTML page on a calibration: verdict, held-out errors in millimetres, cameras
+/// with residuals, coverage and standard deviations, pairs, strong correlations, what to do next.
+void WriteCalibrationReport(const std::filesystem::path& path, const Calibration& calibration,
+                            const calib::TakeObservations& observations);
+
+}  // namespace sole::app
