@@ -81,6 +81,7 @@ void Validate(const RigConfig& config) {
     Require(camera.offset_x >= 0 && camera.offset_y >= 0, where + "offset_x and offset_y must not be negative");
     Require(camera.focal_px > 0, where + "focal_px must be positive");
     Require(camera.exposure_us > 0, where + "exposure_us must be positive");
+    Require(camera.aperture_m >= 0 && camera.aperture_m <= 0.1, where + "aperture_m must be 0 to 0.1 m");
     Require(camera.packet_size >= 576 && camera.packet_size <= 65500,
             where + "packet_size must be 576 to 65500 bytes");
     Require((camera.look_at_m - camera.position_m).norm() > 1e-3, where + "position_m equals look_at_m");
@@ -97,6 +98,8 @@ void Validate(const RigConfig& config) {
   Require(config.plate.thickness_m > 0 && config.plate.thickness_m < 0.1,
           "plate thickness_m must be above 0 and below 0.1 m");
   Require(config.plate.index >= 1 && config.plate.index < 3, "plate index must be 1 to 3");
+  Require(config.simulation.ambient_light >= 0 && config.simulation.trigger_jitter_us >= 0,
+          "simulation: ambient_light and trigger_jitter_us must not be negative");
   for (const FaultConfig& fault : config.simulation.faults) {
     MakeFault(fault.name, fault.camera, fault.amount, fault.unit, fault.trigger);
     Require(fault.camera.empty() || serials.contains(fault.camera),

@@ -37,6 +37,7 @@ CameraConfig ReadCamera(TomlTable table) {
   table.Read("position_m", camera.position_m);
   table.Read("look_at_m", camera.look_at_m);
   table.Read("up", camera.up);
+  table.Read("aperture_m", camera.aperture_m, {0, 0.1});
   table.Read("exposure_us", camera.exposure_us, kPositive);
   table.Read("gain_db", camera.gain_db, {-100, 100});
   table.Read("packet_size", camera.packet_size, {576, 65500});
@@ -193,6 +194,8 @@ FaultConfig ReadFault(TomlTable table) {
 void ReadSimulation(TomlTable& top, SimulationConfig& simulation) {
   for (TomlTable& table : top.Table("simulation")) {
     table.Read("noise", simulation.noise, {0, 1000});
+    table.Read("ambient_light", simulation.ambient_light, {0, 100});
+    table.Read("trigger_jitter_us", simulation.trigger_jitter_us, {0, 1e6});
     for (TomlTable& item : table.Tables("projector")) {
       ProjectorConfig projector;
       item.Read("position_m", projector.position_m);
@@ -263,6 +266,7 @@ std::string FormatCamera(const CameraConfig& c) {
                                    {"position_m", Listed(c.position_m)},
                                    {"look_at_m", Listed(c.look_at_m)},
                                    {"up", Listed(c.up)},
+                                   {"aperture_m", Float(c.aperture_m)},
                                    {"exposure_us", Float(c.exposure_us)},
                                    {"gain_db", Float(c.gain_db)},
                                    {"packet_size", std::to_string(c.packet_size)},
@@ -349,7 +353,9 @@ std::string FormatRig(const RigConfig& config) {
     text += fmt::format("\n[[pair]]\nname = {}\nleft = {}\nright = {}\n", Quoted(pair.name),
                         Quoted(pair.left), Quoted(pair.right));
   }
-  text += fmt::format("\n[simulation]\nnoise = {}\n", Float(config.simulation.noise));
+  text += fmt::format("\n[simulation]\nnoise = {}\nambient_light = {}\ntrigger_jitter_us = {}\n",
+                      Float(config.simulation.noise), Float(config.simulation.ambient_light),
+                      Float(config.simulation.trigger_jitter_us));
   for (const ProjectorConfig& p : config.simulation.projectors) {
     text += fmt::format("\n[[simulation.projector]]\nposition_m = {}\nlook_at_m = {}\n",
                         Listed(p.position_m), Listed(p.look_at_m));

@@ -52,6 +52,8 @@ struct TakePaths {
     return root / "cameras" / (serial + ".mkv");
   }
   std::filesystem::path TruthMesh(std::int64_t trigger) const;  ///< truth/mesh/000001.ply
+  /// truth/maps/SERIAL/000001.npz
+  std::filesystem::path TruthMaps(const std::string& serial, std::int64_t trigger) const;
   std::filesystem::path Truth() const { return root / "truth" / "truth.npz"; }
   std::filesystem::path TruthRig() const { return root / "truth" / "rig.json"; }
   std::filesystem::path Scan(std::int64_t trigger) const;      ///< scans/000001.ply

@@ -44,6 +44,9 @@ void RequireOneOf(const std::string& value, const List& list, const char* key,
 fs::path TakePaths::TruthMesh(std::int64_t trigger) const {
   return root / "truth" / "mesh" / NumberedPly(trigger);
 }
+fs::path TakePaths::TruthMaps(const std::string& serial, std::int64_t trigger) const {
+  return root / "truth" / "maps" / serial / fmt::format("{:06}.npz", trigger);
+}
 fs::path TakePaths::Scan(std::int64_t trigger) const {
   return root / "scans" / NumberedPly(trigger);
 }

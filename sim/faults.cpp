@@ -83,7 +83,7 @@ RenderOptions ApplyFaults(RenderOptions options, const std::vector<FaultConfig>&
   for (const FaultConfig& fault : faults) {
     if (fault.name == "projector-off")
       options.dark_projectors.push_back(static_cast<int>(fault.amount) - 1);
-    if (fault.name == "lights-on") options.room_light += fault.amount;
+    if (fault.name == "lights-on") options.ambient_light += fault.amount;
   }
   return options;
 }

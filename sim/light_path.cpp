@@ -24,36 +24,54 @@ struct LensValue {
   double x, y, dxx, dxy, dyx, dyy;
 };
 
-LensValue Lens(const TrueCamera& c, double x, double y) {
+LensValue Lens(double k1, double k2, double p1, double p2, double x, double y) {
   const double r2 = x * x + y * y;
-  const double stretch = 1 + r2 * (c.k1 + r2 * c.k2);
-  const double growth = 2 * (c.k1 + 2 * c.k2 * r2);
-  return {x * stretch + 2 * c.p1 * x * y + c.p2 * (r2 + 2 * x * x),
-          y * stretch + c.p1 * (r2 + 2 * y * y) + 2 * c.p2 * x * y,
-          stretch + growth * x * x + 2 * c.p1 * y + 6 * c.p2 * x,
-          growth * x * y + 2 * c.p1 * x + 2 * c.p2 * y,
-          growth * x * y + 2 * c.p1 * x + 2 * c.p2 * y,
-          stretch + growth * y * y + 6 * c.p1 * y + 2 * c.p2 * x};
+  const double stretch = 1 + r2 * (k1 + r2 * k2);
+  const double growth = 2 * (k1 + 2 * k2 * r2);
+  const double across = growth * x * y + 2 * p1 * x + 2 * p2 * y;
+  return {x * stretch + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
+          y * stretch + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
+          stretch + growth * x * x + 2 * p1 * y + 6 * p2 * x,
+          across,
+          across,
+          stretch + growth * y * y + 6 * p1 * y + 2 * p2 * x};
 }
 
 }  // namespace
 
-LightRay RayOfPixel(const TrueCamera& camera, const Vector2d& pixel) {
-  const double u = (pixel.x() - camera.cx) / camera.fx, v = (pixel.y() - camera.cy) / camera.fy;
+PixelRays::PixelRays(const TrueCamera& c)
+    : fx_(c.fx), fy_(c.fy), cx_(c.cx), cy_(c.cy), k1_(c.k1), k2_(c.k2), p1_(c.p1), p2_(c.p2) {
+  const Rigid3 world_from_cam = c.cam_from_world.Inverse();
+  centre_ = world_from_cam.translation;
+  world_from_cam_ = world_from_cam.rotation.toRotationMatrix();
+}
+
+PixelRays::Around PixelRays::Near(const Vector2d& pixel) const {
+  const double u = (pixel.x() - cx_) / fx_, v = (pixel.y() - cy_) / fy_;
   const double r2 = u * u + v * v;
-  double x = u * (1 - camera.k1 * r2), y = v * (1 - camera.k1 * r2);
+  double x = u * (1 - k1_ * r2), y = v * (1 - k1_ * r2);
+  Eigen::Matrix2d undistort;  // change of x, y per change of u, v
   for (int i = 0; i < 10; ++i) {
-    const LensValue lens = Lens(camera, x, y);
+    const LensValue lens = Lens(k1_, k2_, p1_, p2_, x, y);
     const double ex = lens.x - u, ey = lens.y - v;
-    const double det = lens.dxx * lens.dyy - lens.dxy * lens.dyx;
-    const double sx = (lens.dyy * ex - lens.dxy * ey) / det,
-                 sy = (lens.dxx * ey - lens.dyx * ex) / det;
-    x -= sx;
-    y -= sy;
-    if (std::abs(sx) + std::abs(sy) < 1e-9) break;  // the next step would be below 1e-16
+    undistort << lens.dyy, -lens.dxy, -lens.dyx, lens.dxx;
+    undistort /= lens.dxx * lens.dyy - lens.dxy * lens.dyx;
+    const Vector2d step = undistort * Vector2d(ex, ey);
+    x -= step.x();
+    y -= step.y();
+    if (std::abs(step.x()) + std::abs(step.y()) < 1e-7) break;  // the next would be below 1e-14
   }
-  const Rigid3 world_from_cam = camera.cam_from_world.Inverse();
-  return {world_from_cam.translation, world_from_cam.rotation * Vector3d(x, y, 1).normalized()};
+  return {centre_, world_from_cam_ * Vector3d(x, y, 1),
+          world_from_cam_.leftCols<2>() * undistort.col(0) / fx_,
+          world_from_cam_.leftCols<2>() * undistort.col(1) / fy_};
+}
+
+LightRay PixelRays::At(const Vector2d& pixel) const {
+  return Near(pixel).At(Vector2d::Zero());
+}
+
+LightRay RayOfPixel(const TrueCamera& camera, const Vector2d& pixel) {
+  return PixelRays(camera).At(pixel);
 }
 
 std::optional<Vector2d> PixelOfDirection(const TrueCamera& camera, const Vector3d& towards) {
@@ -61,15 +79,8 @@ std::optional<Vector2d> PixelOfDirection(const TrueCamera& camera, const Vector3
   if (!(d.z() > 1e-6)) return {};
   const double x = d.x() / d.z(), y = d.y() / d.z();
   if (x * x + y * y > 1.0) return {};  // the polynomial folds back far outside the image
-  const LensValue lens = Lens(camera, x, y);
+  const LensValue lens = Lens(camera.k1, camera.k2, camera.p1, camera.p2, x, y);
   return Vector2d(camera.fx * lens.x + camera.cx, camera.fy * lens.y + camera.cy);
-}
-
-std::optional<Vector3d> Refract(const Vector3d& direction, const Vector3d& normal, double ratio) {
-  const double cosine = -normal.dot(direction);
-  const double behind2 = 1 - ratio * ratio * (1 - cosine * cosine);
-  if (behind2 < 0) return {};
-  return Vector3d(ratio * direction + (ratio * cosine - std::sqrt(behind2)) * normal).normalized();
 }
 
 double FresnelReflectance(double cosine, double ratio) {
@@ -93,16 +104,20 @@ PlateCrossing CrossPlate(const TruePlate& plate, const LightRay& ray) {
     if (OnFace(plate, AtHeight(ray, far_z))) crossing.kind = PlateCrossing::Kind::kEdge;
     return crossing;
   }
-  const Vector3d normal(0, 0, upwards ? -1 : 1);
-  const Vector3d inside = *Refract(ray.direction, normal, 1 / plate.index);
+  // Snell's law at each face, whose normals are the z axis.
+  const double ratio = 1 / plate.index, up = upwards ? 1 : -1;
+  Vector3d inside = ratio * ray.direction;
+  inside.z() = up * std::sqrt(1 - inside.head<2>().squaredNorm());
   crossing.far_point = AtHeight({crossing.near_point, inside}, far_z);
-  const std::optional<Vector3d> outside = Refract(inside, normal, plate.index);
-  if (!outside || !OnFace(plate, crossing.far_point)) {
+  Vector3d outside = plate.index * inside;
+  const double cosine2 = 1 - outside.head<2>().squaredNorm();
+  if (!(cosine2 > 0) || !OnFace(plate, crossing.far_point)) {
     crossing.kind = PlateCrossing::Kind::kEdge;
     return crossing;
   }
+  outside.z() = up * std::sqrt(cosine2);
   crossing.kind = PlateCrossing::Kind::kThrough;
-  crossing.direction = *outside;
+  crossing.direction = outside;
   crossing.near_transmittance = 1 - FresnelReflectance(std::abs(ray.direction.z()), plate.index);
   crossing.far_transmittance = 1 - FresnelReflectance(std::abs(inside.z()), 1 / plate.index);
   return crossing;

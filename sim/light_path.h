@@ -14,8 +14,29 @@ struct LightRay {
   Eigen::Vector3d direction;
 };
 
-/// Ray of `pixel` in the world frame, starting at the camera's centre, before any glass. The lens
+/// Rays of a camera's pixels in the world frame, starting at its centre, before any glass. The lens
 /// is inverted by Newton's method to 1e-13.
+class PixelRays {
+ public:
+  explicit PixelRays(const TrueCamera& camera);
+  LightRay At(const Eigen::Vector2d& pixel) const;
+
+  /// The rays around a pixel's centre: within half a pixel the lens is linear to 1e-4 px.
+  struct Around {
+    Eigen::Vector3d origin;
+    Eigen::Vector3d centre, per_x, per_y;  ///< direction, not of unit length, and change per pixel
+    LightRay At(const Eigen::Vector2d& offset) const {
+      return {origin, (centre + offset.x() * per_x + offset.y() * per_y).normalized()};
+    }
+  };
+  Around Near(const Eigen::Vector2d& pixel) const;
+
+ private:
+  double fx_, fy_, cx_, cy_, k1_, k2_, p1_, p2_;
+  Eigen::Vector3d centre_;
+  Eigen::Matrix3d world_from_cam_;
+};
+/// One such ray.
 LightRay RayOfPixel(const TrueCamera& camera, const Eigen::Vector2d& pixel);
 
 /// Pixel at which light that travels from a world direction into the camera's centre is imaged;
@@ -23,12 +44,6 @@ LightRay RayOfPixel(const TrueCamera& camera, const Eigen::Vector2d& pixel);
 /// model's range.
 std::optional<Eigen::Vector2d> PixelOfDirection(const TrueCamera& camera,
                                                 const Eigen::Vector3d& towards);
-
-/// Snell's law in vector form: `direction` and `normal` have unit length, the normal points to the
-/// side the light comes from, `ratio` is the index before over the index behind. Empty at total
-/// reflection.
-std::optional<Eigen::Vector3d> Refract(const Eigen::Vector3d& direction,
-                                       const Eigen::Vector3d& normal, double ratio);
 
 /// Fresnel reflectance of unpolarised light; `cosine` of the angle of incidence, `ratio` = index
 /// behind over index before.

@@ -52,7 +52,7 @@ std::vector<MotionFrame> Stand(const Subject& subject, const MotionOptions& opti
   const Wave load(2.3, random), forward(1.9, random), ankle(3.1, random), lean(2.7, random);
   std::vector<MotionFrame> frames;
   for (int i = 0; i < options.frames; ++i) {
-    const double t = i / options.rate_hz;
+    const double t = options.start_s + i / options.rate_hz;
     const double load_n = options.mean_load * subject.weight_kg * kGravity * (1 + 0.06 * load.At(t));
     const double centre = 0.42 + 0.03 * forward.At(t);
     FootPose pose = LoadedStandingPose(subject, load_n, centre);
@@ -70,9 +70,9 @@ std::vector<MotionFrame> Rock(const Subject& subject, const MotionOptions& optio
   const Wave load(2.9, random);
   std::vector<MotionFrame> frames;
   for (int i = 0; i < options.frames; ++i) {
-    const double t = i / options.rate_hz;
+    const double t = options.start_s + i / options.rate_hz;
     // Heel at the start and the end, forefoot in the middle.
-    const double phase = options.frames > 1 ? static_cast<double>(i) / (options.frames - 1) : 0.0;
+    const double phase = options.frames > 1 ? t * options.rate_hz / (options.frames - 1) : 0.0;
     const double forward = 0.5 - 0.5 * std::cos(2 * std::numbers::pi * phase);
     const double load_n = options.mean_load * subject.weight_kg * kGravity * (1 + 0.04 * load.At(t));
     const double centre = 0.22 + 0.44 * forward;
@@ -90,7 +90,7 @@ std::vector<MotionFrame> Air(const Subject& subject, const MotionOptions& option
   const Wave height(2.1, random), ankle(1.7, random), turn(2.3, random), hallux(1.3, random), toes(1.1, random);
   std::vector<MotionFrame> frames;
   for (int i = 0; i < options.frames; ++i) {
-    const double t = i / options.rate_hz;
+    const double t = options.start_s + i / options.rate_hz;
     FootPose pose;
     pose.fixed_bone = "tibia";
     pose.world_from_foot = placement;
@@ -120,7 +120,7 @@ std::vector<MotionFrame> Toes(const Subject& subject, const MotionOptions& optio
   const double strength = 1 + 0.1 * unit(random);
   std::vector<MotionFrame> frames;
   for (int i = 0; i < options.frames; ++i) {
-    const double t = i / options.rate_hz;
+    const double t = options.start_s + i / options.rate_hz;
     const double wave = std::sin(2 * std::numbers::pi * t / kPeriod);
     const double curl = strength * std::max(wave, 0.0), spread = strength * std::max(-wave, 0.0);
     FootPose pose;

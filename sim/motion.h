@@ -13,6 +13,7 @@ struct MotionOptions {
   std::string motion = "stand";  ///< a name of MotionNames()
   int frames = 10;
   double rate_hz = 10;
+  double start_s = 0;  ///< time of the first frame; the motion itself stays the same
   std::uint64_t seed = 1;
   double mean_load = 0.5;  ///< of body weight, while standing and rocking
 };

@@ -10,15 +10,13 @@ namespace {
 using Eigen::Vector3d;
 using Eigen::Vector3f;
 
-constexpr float kCeiling = 0.014f;
-constexpr float kFloor = 0.006f;
-constexpr float kRoomAlbedo = 0.4f;  // of walls and ceiling under the room's lamps
+constexpr float kCeiling = 0.7f;  // radiance of the room, of its light on other surfaces
+constexpr float kFloor = 0.3f;
 constexpr float kGroundEdge = 0.02f;  // the plate's matt edge
 constexpr float kLampRadiance = 12;   // of a projector's lens, looking into it
 constexpr double kLampRadius_m = 0.004;
 constexpr double kBackOff_m = 0.001;  // a ray behind the glass starts this much inside of it
 constexpr double kContact_m = 0.0001;
-constexpr float kGloss = 0.06f;
 
 Sample Bare(float radiance) {
   Sample sample;
@@ -60,8 +58,7 @@ float PathTracer::LampGlare(const LightRay& ray) const {
 }
 
 float PathTracer::Background(const LightRay& ray) const {
-  const float room = kRoomAlbedo * r_.lighting.RoomLight();
-  return (ray.direction.z() > 0 ? kCeiling : kFloor) + room + LampGlare(ray);
+  return (ray.direction.z() > 0 ? kCeiling : kFloor) * r_.lighting.RoomLight() + LampGlare(ray);
 }
 
 Sample PathTracer::GlassMark(const Vector3d& point) const {
@@ -114,37 +111,54 @@ Sample PathTracer::ShadeCube(const SceneHit& hit) const {
   return sample;
 }
 
-Sample PathTracer::ShadeMesh(const LightRay& ray, const SceneHit& hit) const {
-  const LitMesh& mesh = s_.meshes[static_cast<std::size_t>(hit.mesh)];
+Sample PathTracer::ShadeSheet(const Vector3d& point, std::size_t side) const {
+  const LitSheet& sheet = *s_.sheet;
+  const Eigen::Vector2d place = sheet.OnSheet(point);
+  Sample sample;
+  if (!sheet.Covers(place)) return sample;
+  const LitGrid& grid = sheet.sides[side];
+  sample.light = GridLight(r_.lighting, s_.exposure, s_.stride, grid,
+                           (place.x() / sheet.sheet.size_x_m + 0.5) * (grid.nodes_x - 1),
+                           (place.y() / sheet.sheet.size_y_m + 0.5) * (grid.nodes_y - 1));
+  sample.albedo =
+      kBlackAlbedo + (kWhiteAlbedo - kBlackAlbedo) * sheet.print.At(place.x(), place.y());
+  sample.surface = kSheetSurface;
+  return sample;
+}
+
+Sample PathTracer::ShadeMesh(const SceneHit& hit, float time) const {
+  const auto index = static_cast<std::size_t>(hit.mesh);
+  const LitMesh& mesh = s_.meshes[index];
+  const std::vector<float>& gloss = view_.gloss[index];
   const Eigen::Vector3i& triangle = mesh.triangles[static_cast<std::size_t>(hit.triangle)];
   const float weights[3] = {1 - hit.b1 - hit.b2, hit.b1, hit.b2};
-  WeightedPoint points[3];
-  Vector3f normal = Vector3f::Zero(), material = Vector3f::Zero();
+  const bool moves = !mesh.shifts.empty();
+  WeightedPoint points[6];
+  int count = 0;
+  Sample sample;
   float tone = 0;
   for (int i = 0; i < 3; ++i) {
     const auto v = static_cast<std::size_t>(triangle[i]);
-    points[i] = {mesh.light.data() + v * s_.stride, weights[i]};
-    normal += weights[i] * mesh.normals[v];
-    material += weights[i] * mesh.material[v];
+    const float* const lobes = gloss.data() + v * s_.stride;
+    points[count++] = {mesh.light.data() + v * s_.stride, lobes,
+                       moves ? (1 - time) * weights[i] : weights[i]};
+    if (moves)
+      points[count++] = {mesh.light_close.data() + v * s_.stride, lobes, time * weights[i]};
+    sample.material += weights[i] * mesh.material[v];
     tone += weights[i] * mesh.tone[v];
   }
-  const float light = MixLight(r_.lighting, s_.exposure, points, 3);
-  // A weak lobe around the mirror direction, strongest at grazing view; wetted skin on the glass
-  // has none.
-  const float cosine =
-      std::clamp(-normal.normalized().dot(ray.direction.cast<float>()), 0.0f, 1.0f);
-  const float sheen = (1 - cosine) * (1 - cosine);
-  Sample sample;
-  sample.light = light;
-  sample.albedo = tone * SkinAlbedo(material) + kGloss * sheen;
+  const MixedLight light = MixLight(r_.lighting, s_.exposure, true, points, count);
+  sample.light = light.diffuse;
+  sample.extra = light.gloss;
+  sample.albedo = tone * kSkinAlbedo;
   sample.surface = kFirstMeshSurface + hit.mesh;
   return sample;
 }
 
-Sample PathTracer::Shade(const LightRay& ray, const SceneHit& hit) const {
+Sample PathTracer::Shade(const LightRay& ray, const SceneHit& hit, float time) const {
   switch (hit.kind) {
     case SceneHit::Kind::kMesh:
-      return ShadeMesh(ray, hit);
+      return ShadeMesh(hit, time);
     case SceneHit::Kind::kCube:
       return ShadeCube(hit);
     case SceneHit::Kind::kNone:
@@ -153,63 +167,108 @@ Sample PathTracer::Shade(const LightRay& ray, const SceneHit& hit) const {
   return Bare(Background(ray));
 }
 
-Sample PathTracer::FromBelow(const LightRay& ray, bool bodies) const {
-  const PlateCrossing crossing = CrossPlate(r_.rig.plate, ray);
-  const auto nearest = [&](const LightRay& from, double from_m) {
-    return bodies ? s_.tracer.Nearest(from, from_m) : SceneHit{};
-  };
+Sample PathTracer::FromBelow(const LightRay& ray, const Start& start, const SceneHit& hit,
+                             unsigned content, float time) const {
+  const PlateCrossing& crossing = start.crossing;
   if (crossing.kind == PlateCrossing::Kind::kEdge) return Bare(kGroundEdge);
-  if (crossing.kind == PlateCrossing::Kind::kMisses) return Shade(ray, nearest(ray, 0));
+  if (crossing.kind == PlateCrossing::Kind::kMisses) return Shade(ray, hit, time);
   const auto into = static_cast<float>(crossing.near_transmittance);
   const auto through = into * static_cast<float>(crossing.far_transmittance);
   const Vector3d mirrored(ray.direction.x(), ray.direction.y(), -ray.direction.z());
   float ghosts = (1 - into) * LampGlare({crossing.near_point, mirrored});
-  Sample sample = GlassMark(crossing.far_point);
+  if (s_.sheet && content & kBodies) {
+    Sample sample = ShadeSheet(crossing.far_point, 0);
+    if (sample.surface != 0) {
+      sample.light *= through;
+      sample.extra = ghosts;
+      return sample;
+    }
+  }
+  Sample sample = content & kMarks ? GlassMark(crossing.far_point) : Sample{};
   if (sample.surface != 0) {
     sample.light *= into;
     sample.extra = ghosts;
     return sample;
   }
-  const LightRay behind{crossing.far_point - kBackOff_m * crossing.direction, crossing.direction};
-  const SceneHit hit = nearest(behind, 0);
   if (hit.kind == SceneHit::Kind::kNone || hit.distance_m > kBackOff_m + kContact_m) {
     const Vector3d leaves = 2 * crossing.far_point - crossing.near_point;  // after the way down
     ghosts += into * into * (1 - through / into) *
               LampGlare({{leaves.x(), leaves.y(), -r_.rig.plate.thickness_m}, mirrored});
   }
-  sample = Shade(behind, hit);
+  sample = Shade(start.probe, hit, time);
   sample.light *= through;
   sample.extra = through * sample.extra + ghosts;
   return sample;
 }
 
-Sample PathTracer::FromAbove(const LightRay& ray, bool bodies) const {
-  const SceneHit hit = bodies ? s_.tracer.Nearest(ray) : SceneHit{};
-  if (hit.kind != SceneHit::Kind::kNone) return Shade(ray, hit);
+Sample PathTracer::FromAbove(const LightRay& ray, const SceneHit& hit, unsigned content,
+                             float time) const {
+  if (hit.kind != SceneHit::Kind::kNone) return Shade(ray, hit, time);
+  if (s_.sheet && content & kBodies && ray.direction.z() < 0) {
+    const double down = (s_.sheet->sheet.thickness_m - ray.origin.z()) / ray.direction.z();
+    const Sample sample = ShadeSheet(ray.origin + down * ray.direction, 1);
+    if (sample.surface != 0) return sample;
+  }
   const PlateCrossing crossing = CrossPlate(r_.rig.plate, ray);
   if (crossing.kind == PlateCrossing::Kind::kEdge) return Bare(kGroundEdge);
   if (crossing.kind == PlateCrossing::Kind::kMisses) return Bare(Background(ray));
-  Sample sample = GlassMark(crossing.near_point);
+  Sample sample = content & kMarks ? GlassMark(crossing.near_point) : Sample{};
   if (sample.surface != 0) return sample;
   const auto into = static_cast<float>(crossing.near_transmittance);
   const auto through = into * static_cast<float>(crossing.far_transmittance);
   sample = Bare(through * Background({crossing.far_point, crossing.direction}));
-  if (r_.options.reflections) {
-    const LightRay mirrored{crossing.near_point,
-                            {ray.direction.x(), ray.direction.y(), -ray.direction.z()}};
-    const SceneHit seen = bodies ? s_.tracer.Nearest(mirrored, kContact_m) : SceneHit{};
-    // Both faces mirror; the lower one's image lies 2 t / n deeper and is left to lamps only.
-    sample.extra += (1 - into) * Shade(mirrored, seen).Radiance();
-    const Vector3d leaves = 2 * crossing.far_point - crossing.near_point;
-    sample.extra += into * into * (1 - through / into) *
-                    LampGlare({{leaves.x(), leaves.y(), 0}, mirrored.direction});
-  }
+  if (!r_.options.reflections) return sample;
+  // Both faces mirror what is above; light that the lower one mirrors leaves the upper one further
+  // on.
+  const Vector3d leaves = 2 * crossing.far_point - crossing.near_point;
+  const Vector3d mirrored(ray.direction.x(), ray.direction.y(), -ray.direction.z());
+  const LightRay upper{crossing.near_point, mirrored}, lower{{leaves.x(), leaves.y(), 0}, mirrored};
+  const auto seen = [&](const LightRay& from) {
+    const bool bodies = content & kBodies;
+    return Shade(from, bodies ? s_.tracer.Nearest(from, kContact_m, time) : SceneHit{}, time)
+        .Radiance();
+  };
+  sample.extra += (1 - into) * seen(upper) + into * (into - through) * seen(lower);
   return sample;
 }
 
-Sample PathTracer::Trace(const LightRay& ray, bool bodies) const {
-  return ray.direction.z() > 0 && ray.origin.z() < 0 ? FromBelow(ray, bodies)
-                                                     : FromAbove(ray, bodies);
+PathTracer::Start PathTracer::Begin(const LightRay& ray) const {
+  Start start{ray.direction.z() > 0 && ray.origin.z() < 0, {}, ray};
+  if (!start.below) return start;
+  start.crossing = CrossPlate(r_.rig.plate, ray);
+  if (start.crossing.kind == PlateCrossing::Kind::kThrough) {
+    start.probe = {start.crossing.far_point - kBackOff_m * start.crossing.direction,
+                   start.crossing.direction};
+  }
+  return start;
+}
+
+Sample PathTracer::Finish(const LightRay& ray, const Start& start, const SceneHit& hit,
+                          unsigned content, float time) const {
+  return start.below ? FromBelow(ray, start, hit, content, time)
+                     : FromAbove(ray, hit, content, time);
+}
+
+Sample PathTracer::Trace(const LightRay& ray, unsigned content, float time) const {
+  const Start start = Begin(ray);
+  const SceneHit hit =
+      content & kBodies ? s_.tracer.Nearest(start.probe, 0, time) : SceneHit{};
+  return Finish(ray, start, hit, content, time);
+}
+
+std::array<Sample, 4> PathTracer::TraceFour(const std::array<LightRay, 4>& rays,
+                                            unsigned content) const {
+  std::array<Start, 4> starts;
+  std::array<LightRay, 4> probes;
+  for (std::size_t i = 0; i < 4; ++i) {
+    starts[i] = Begin(rays[i]);
+    probes[i] = starts[i].probe;
+  }
+  std::array<SceneHit, 4> hits;
+  if (content & kBodies) hits = s_.tracer.NearestOfFour(probes);
+  std::array<Sample, 4> samples;
+  for (std::size_t i = 0; i < 4; ++i) samples[i] = Finish(rays[i], starts[i], hits[i], content, 0.5f);
+  return samples;
 }
 
 }  // namespace sole::sim

@@ -1,13 +1,11 @@
 #include "sim/renderer.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <limits>
+#include <ctime>
+#include <random>
 #include <string>
-
-#include <tbb/blocked_range2d.h>
-#include <tbb/parallel_for.h>
+#include <utility>
 
 #include "core/error.h"
 #include "sim/renderer_internal.h"
@@ -16,8 +14,9 @@
 namespace sole::sim {
 namespace {
 
-using Eigen::Vector2d;
 using Eigen::Vector3d;
+
+constexpr double kMostJitter = 4;  // standard deviations
 
 /// Cube face number (-x +x -y +y -z +z) of each side that carries a board; -1 for bare sides.
 std::vector<int> FacesBySide(const CalibrationBody& target) {
@@ -57,101 +56,38 @@ LitMesh CheckedMesh(const SceneMesh& body) {
   return lit;
 }
 
-/// Sixteen points of a pixel, each alone in its sixteenth of the width and of the height; the first
-/// four likewise in quarters.
-struct SamplePoints {
-  std::array<Vector2d, 4> few;
-  std::array<Vector2d, 16> many;
-  SamplePoints() {
-    few = {Vector2d(-0.375, -0.125), Vector2d(-0.125, 0.375), Vector2d(0.125, -0.375),
-           Vector2d(0.375, 0.125)};
-    for (int i = 0; i < 16; ++i)
-      many[static_cast<std::size_t>(i)] = {(i + 0.5) / 16 - 0.5,
-                                           ((i * 5 + 2) % 16 + 0.5) / 16 - 0.5};
+/// How far each vertex moves from the middle of the exposure to the shutter's closing; none if that
+/// does not show anywhere.
+std::vector<Vector3d> Shifts(const SceneMesh& body, double shutter_s) {
+  constexpr double kStill_m = 4e-5;  // a fifth of a pixel during the exposure
+  Require(body.velocity.empty() || body.velocity.size() == body.mesh.vertices.size(),
+          "renderer: a mesh needs a velocity for every vertex, or none");
+  std::vector<Vector3d> shifts;
+  double fastest = 0;
+  for (const Vector3d& velocity : body.velocity) {
+    shifts.push_back(0.5 * shutter_s * velocity);
+    fastest = std::max(fastest, 2 * shifts.back().norm());
   }
-};
-
-/// Mean albedo over a pixel that lies on one printed surface, from where four rays of the pixel met
-/// it: within a pixel the image of a plane is affine to 1e-6. Far finer than rays, so that edges
-/// stand where they are. Negative if the pixel reaches the surface's edge.
-float MeanAlbedo(const Renderer::State& renderer, const std::array<Sample, 4>& samples,
-                 const SamplePoints& points) {
-  Vector2d centre = Vector2d::Zero();
-  Eigen::Matrix2d print_from_pixel = Eigen::Matrix2d::Zero();
-  for (std::size_t i = 0; i < 4; ++i) {
-    centre += 0.25 * samples[i].print;
-    print_from_pixel += samples[i].print * points.few[i].transpose() /
-                        0.3125;  // sum of offset * offset' = 0.3125 I
-  }
-  const int surface = samples[0].surface;
-  float low = 2, high = -1;
-  for (int i = 0; i < 9;
-       ++i) {  // cells are far wider than pixels: nothing hides between these points
-    const float albedo = PrintedAlbedo(renderer, surface,
-                                       centre + print_from_pixel * Vector2d(i % 3 - 1, i / 3 - 1));
-    low = std::min(low, albedo);
-    high = std::max(high, albedo);
-  }
-  if (low < 0 || low == high) return low;
-  constexpr int kSide = 12;
-  float sum = 0;
-  for (int i = 0; i < kSide * kSide; ++i) {
-    const Vector2d offset((i % kSide + 0.5) / kSide - 0.5, (i / kSide + 0.5) / kSide - 0.5);
-    sum += PrintedAlbedo(renderer, surface, centre + print_from_pixel * offset);
-  }
-  return sum / (kSide * kSide);
+  return fastest > kStill_m ? shifts : std::vector<Vector3d>();
 }
 
-/// Mean radiance of a pixel where something can be seen: four rays; then the mean of the print, or
-/// sixteen rays where the four differ at a hard edge.
-float PixelRadiance(const Renderer::State& renderer, const PathTracer& tracer,
-                    const TrueCamera& camera, int x, int y, std::uint8_t content) {
-  static const SamplePoints points;
-  const bool bodies = (content & kBodies) != 0;
-  const Vector2d pixel(x, y);
-  std::array<Sample, 4> samples;
-  float mean = 0, light = 0, extra = 0, low = std::numeric_limits<float>::infinity(), high = -low;
-  bool one_surface = true;
-  for (std::size_t i = 0; i < 4; ++i) {
-    samples[i] = tracer.Trace(RayOfPixel(camera, pixel + points.few[i]), bodies);
-    one_surface = one_surface && samples[i].surface == samples[0].surface;
-    light += 0.25f * samples[i].light;
-    extra += 0.25f * samples[i].extra;
-    const float radiance = samples[i].Radiance();
-    mean += 0.25f * radiance;
-    low = std::min(low, radiance);
-    high = std::max(high, radiance);
-  }
-  if (one_surface && samples[0].surface >= 0 && samples[0].surface != kDustSurface) return mean;
-  if (one_surface && samples[0].surface < 0) {
-    const float albedo = MeanAlbedo(renderer, samples, points);
-    if (albedo >= 0) return albedo * light + extra;
-  }
-  if (high - low < 0.02f) return mean;
-  float sum = 0;
-  for (const Vector2d& offset : points.many)
-    sum += tracer.Trace(RayOfPixel(camera, pixel + offset), bodies).Radiance();
-  return sum / 16;
+double LongestExposure(const TrueRig& rig, double jitter_s) {
+  double longest = 0;
+  for (const TrueCamera& camera : rig.cameras) longest = std::max(longest, camera.exposure_s);
+  return longest + 2 * kMostJitter * jitter_s;
 }
 
-/// Fills a block of nothing but background: evenly from a few rays if these agree, else with a ray
-/// per pixel (lamps, the plate's edge).
-void FillBackground(const PathTracer& tracer, const TrueCamera& camera, int x0, int y0, int x1,
-                    int y1, ImageF& radiance) {
-  float low = std::numeric_limits<float>::infinity(), high = -low;
-  for (int i = 0; i < 9; ++i) {
-    const Vector2d pixel(x0 - 0.5 + 0.5 * (i % 3) * kBlock, y0 - 0.5 + 0.5 * (i / 3) * kBlock);
-    const float value = tracer.Trace(RayOfPixel(camera, pixel), false).Radiance();
-    low = std::min(low, value);
-    high = std::max(high, value);
-  }
-  const bool even = high - low < 1e-4f;
-  for (int y = y0; y < y1; ++y) {
-    for (int x = x0; x < x1; ++x) {
-      radiance.At(x, y) = even ? 0.5f * (low + high)
-                               : tracer.Trace(RayOfPixel(camera, Vector2d(x, y)), false).Radiance();
-    }
-  }
+/// The camera's share of the time that SceneTracer's 0 to 1 spans.
+Shutter ShutterOf(const TrueCamera& camera, double shutter_s, double jitter_s, std::uint64_t seed) {
+  std::mt19937_64 engine(seed);
+  const double late =
+      jitter_s * std::clamp(std::normal_distribution<double>()(engine), -kMostJitter, kMostJitter);
+  const double middle = 0.5 + late / shutter_s, half = 0.5 * camera.exposure_s / shutter_s;
+  return {static_cast<float>(middle - half), static_cast<float>(middle + half)};
+}
+
+double CpuSeconds() {
+  return static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
 }
 
 }  // namespace
@@ -171,16 +107,19 @@ Renderer::State::State(const RigConfig& config, const TrueRig& true_rig,
       target_face(FacesBySide(target)),
       fiducials(config.plate.fiducials),
       dust(ScatterDust(true_rig.plate, render_options.seed)),
-      dust_cells(SortDust(true_rig.plate, dust)) {
+      dust_cells(SortDust(true_rig.plate, dust)),
+      shutter_s(LongestExposure(true_rig, render_options.trigger_jitter_s)) {
   for (const CharucoFace& face : target.faces)
     board_from_body.push_back(face.body_from_board.Inverse());
 }
 
 Renderer::Renderer(const RigConfig& config, const TrueRig& rig, const RenderOptions& options)
-    : state_(std::make_unique<const State>(config, rig, options)) {
+    : state_(std::make_unique<const State>(config, rig, options)),
+      backgrounds_(std::make_unique<Backgrounds>()) {
   Require(config.cameras.size() == rig.cameras.size(),
           "renderer: the true rig belongs to another rig file");
-  Require(options.noise >= 0, "renderer: noise must not be negative");
+  Require(options.noise >= 0 && options.ambient_light >= 0 && options.trigger_jitter_s >= 0,
+          "renderer: noise, ambient light and trigger jitter must not be negative");
 }
 
 Renderer::~Renderer() = default;
@@ -190,59 +129,69 @@ const TrueRig& Renderer::Rig() const {
 }
 
 PreparedScene Renderer::Prepare(const Scene& scene) const {
+  Require(!scene.sheet || (scene.meshes.empty() && !scene.world_from_target),
+          "renderer: the contact sheet lies alone on the plate");
   std::vector<LitMesh> meshes;
-  for (const SceneMesh& body : scene.meshes) meshes.push_back(CheckedMesh(body));
-  auto prepared = std::make_unique<PreparedScene::State>(scene, state_->target.edge_m);
-  prepared->exposure = scene.exposure;
+  std::vector<std::vector<Vector3d>> shifts;
+  for (const SceneMesh& body : scene.meshes) {
+    meshes.push_back(CheckedMesh(body));
+    shifts.push_back(meshes.back().shifts = Shifts(body, state_->shutter_s));
+  }
+  const Lighting& lighting = state_->lighting;
+  const ExposureKind kind = scene.exposure;
+  auto prepared = std::make_unique<PreparedScene::State>(scene, state_->target.edge_m, shifts);
+  const SceneTracer& tracer = prepared->tracer;
+  prepared->exposure = kind;
   prepared->world_from_target = scene.world_from_target;
   prepared->fiducials = scene.fiducials;
   prepared->dust = scene.dust;
-  prepared->stride = state_->lighting.Stride(scene.exposure);
+  prepared->stride = lighting.Stride(kind);
   prepared->meshes = std::move(meshes);
-  for (LitMesh& mesh : prepared->meshes)
-    LightMesh(state_->lighting, prepared->tracer, scene.exposure, mesh);
+  for (LitMesh& mesh : prepared->meshes) LightMesh(lighting, tracer, kind, mesh);
   if (scene.world_from_target) {
     for (int face = 0; face < 6; ++face) {
-      prepared->cube.push_back(LightCubeFace(state_->lighting, prepared->tracer, scene.exposure,
-                                             *scene.world_from_target, state_->target.edge_m,
-                                             face));
+      prepared->cube.push_back(LightCubeFace(lighting, tracer, kind, *scene.world_from_target,
+                                             state_->target.edge_m, face));
     }
   }
-  prepared->glass =
-      LightGlass(state_->lighting, prepared->tracer, scene.exposure, state_->rig.plate);
+  if (scene.sheet) prepared->sheet = LightSheet(lighting, tracer, kind, *scene.sheet);
+  prepared->glass = LightGlass(lighting, tracer, kind, state_->rig.plate);
   return PreparedScene(std::move(prepared));
 }
 
-ImageU8 Renderer::Render(const PreparedScene& scene, int camera, std::uint64_t seed) const {
+ImageU8 Renderer::Render(const PreparedScene& scene, int camera, std::uint64_t seed,
+                         RenderTimes* times) const {
   Require(camera >= 0 && camera < static_cast<int>(state_->rig.cameras.size()),
           "renderer: the rig has no camera " + std::to_string(camera));
   const TrueCamera& view = state_->rig.cameras[static_cast<std::size_t>(camera)];
-  const Image<std::uint8_t> content = FindContent(*state_, scene.Get(), view);
-  const PathTracer tracer(*state_, scene.Get());
-  ImageF radiance(view.width, view.height);
-  tbb::parallel_for(tbb::blocked_range2d<int>(0, content.height, 2, 0, content.width, 16),
-                    [&](const auto& range) {
-                      for (int by = range.rows().begin(); by < range.rows().end(); ++by) {
-                        for (int bx = range.cols().begin(); bx < range.cols().end(); ++bx) {
-                          const std::uint8_t what = content.At(bx, by);
-                          const int x1 = std::min((bx + 1) * kBlock, view.width),
-                                    y1 = std::min((by + 1) * kBlock, view.height);
-                          if (what == kNothing) {
-                            FillBackground(tracer, view, bx * kBlock, by * kBlock, x1, y1,
-                                           radiance);
-                            continue;
-                          }
-                          for (int y = by * kBlock; y < y1; ++y) {
-                            for (int x = bx * kBlock; x < x1; ++x)
-                              radiance.At(x, y) = PixelRadiance(*state_, tracer, view, x, y, what);
-                          }
-                        }
-                      }
-                    });
-  // Cameras rendered with one seed must not share their noise.
+  const PreparedScene::State& prepared = scene.Get();
+  // Cameras rendered with one seed must share neither noise nor jitter.
   constexpr std::uint64_t kStep = 0x9e3779b97f4a7c15ULL;
-  return Expose(view, radiance, state_->options.noise,
-                seed + kStep * static_cast<std::uint64_t>(camera));
+  const std::uint64_t own_seed = seed + kStep * static_cast<std::uint64_t>(camera);
+  const bool reuse = state_->options.reuse_background;
+  const Backgrounds::Kind kind{prepared.exposure, prepared.fiducials, prepared.dust};
+  RenderTimes spent;
+  double start = CpuSeconds();
+  const auto lap = [&start] {
+    const double now = CpuSeconds();
+    return now - std::exchange(start, now);
+  };
+  const SceneView seen =
+      ViewScene(*state_, prepared, view, backgrounds_->Empty(*this, kind)->Get().glass);
+  spent.content_s = lap();
+  ImageF radiance = reuse ? *backgrounds_->Of(*this, kind, camera) : ImageF(view.width, view.height);
+  TraceBlocks(*state_, prepared, seen, view,
+              ShutterOf(view, state_->shutter_s, state_->options.trigger_jitter_s, own_seed),
+              reuse ? kBodies | kChangedMarks : kAllBlocks, radiance);
+  spent.tracing_s = lap();
+  ImageU8 image = Expose(view, radiance, state_->options.noise, own_seed, seen.depth_m, kBlock);
+  spent.sensor_s = lap();
+  if (times != nullptr) {
+    times->content_s += spent.content_s;
+    times->tracing_s += spent.tracing_s;
+    times->sensor_s += spent.sensor_s;
+  }
+  return image;
 }
 
 }  // namespace sole::sim

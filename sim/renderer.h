@@ -17,8 +17,17 @@ struct RenderOptions {
   double noise = 1.0;       ///< scales photon and read noise; 0 is noise-free
   bool reflections = true;  ///< mirror images in the glass and ghosts of lamps
   std::uint64_t seed = 1;   ///< of slides and dust
-  double room_light = 0;    ///< irradiance of the room's lamps on every surface; a fault
+  double ambient_light = 0.02;  ///< irradiance of the room's light on every surface; 1: full white
+  double trigger_jitter_s = 0;  ///< standard deviation of each camera's start of exposure
   std::vector<int> dark_projectors{};  ///< that give no light, from 0; a fault
+  bool reuse_background = true;  ///< renders what no body changes once; the images are the same
+};
+
+/// CPU seconds of the whole process that the parts of Render() took.
+struct RenderTimes {
+  double content_s = 0;  ///< which part of the image shows what
+  double tracing_s = 0;
+  double sensor_s = 0;   ///< blur, vignetting, noise, rounding
 };
 
 /// A scene made ready for one exposure: search tree and light on every vertex. Made once, used by
@@ -36,22 +45,11 @@ class PreparedScene {
   std::unique_ptr<const State> state_;
 };
 
-/// What each pixel's central ray meets: mesh (index in the scene, -1 where it meets none) and
-/// triangle, barycentric coordinates in it, world position and outward normal (metres; NaN without
-/// a mesh), depth along the camera's axis (the refracted light's end point; NaN). Marks and dust on
-/// the glass are not considered.
-struct TruthMaps {
-  Image<std::int32_t> mesh;
-  Image<std::int32_t> triangle;
-  Image<Eigen::Vector3f> barycentric;
-  Image<Eigen::Vector3f> point_m;
-  Image<Eigen::Vector3f> normal;
-  ImageF depth_m;
-};
-
 /// The rig's light, plate and cameras, ray traced: Snell's law at each face of the finite plate,
-/// Fresnel losses, shadows, mirror images, speckle or texture light, supersampling, lens blur,
-/// sensor noise. Images do not depend on the number of threads. Safe to use from several threads.
+/// Fresnel losses, shadows, mirror images, speckle or texture light, gloss, motion blur,
+/// supersampling, lens blur and defocus, sensor noise. Images do not depend on the number of
+/// threads. Safe to use from several threads. Keeps, per camera and kind of exposure, the image of
+/// the empty rig, 4 bytes a pixel, once it was needed.
 class Renderer {
  public:
   struct State;
@@ -63,13 +61,14 @@ class Renderer {
   const State& Get() const { return *state_; }
   /// Copies what it needs. Throws Error if a mesh has indices or attributes of the wrong size.
   PreparedScene Prepare(const Scene& scene) const;
-  /// Image of camera `camera` (rig order); `seed` of this image's noise. Throws Error for an
-  /// unknown camera.
-  ImageU8 Render(const PreparedScene& scene, int camera, std::uint64_t seed) const;
-  TruthMaps MapTruth(const PreparedScene& scene, int camera) const;
+  /// Image of camera `camera` (rig order); `seed` of this image's noise and trigger jitter. Adds
+  /// to `times` if given. Throws Error for an unknown camera.
+  ImageU8 Render(const PreparedScene& scene, int camera, std::uint64_t seed,
+                 RenderTimes* times = nullptr) const;
 
  private:
   std::unique_ptr<const State> state_;
+  std::unique_ptr<class Backgrounds> backgrounds_;
 };
 
 }  // namespace sole::sim

@@ -127,7 +127,7 @@ std::vector<ScanView> FindScanViews(const RigConfig& config, const TrueRig& rig,
   Require(dark.empty() || dark.size() == mesh.vertices.size(),
           "scan views: one dark flag per vertex");
   Scene scene;
-  scene.meshes.push_back({mesh, {}, {}, {}});
+  scene.meshes.emplace_back().mesh = mesh;
   const Body body{mesh, VertexNormals(mesh), dark, {scene, config.target.edge_m}};
   const std::vector<std::uint8_t> lit = LitVertices(body, rig.plate, config.simulation.projectors);
   std::vector<ScanView> views(mesh.vertices.size());

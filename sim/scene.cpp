@@ -37,4 +37,16 @@ std::vector<Rigid3> CalibrationPoses(int count, double edge_m, std::uint64_t see
   return poses;
 }
 
+std::vector<ContactSheet> SheetPlaces(int count, std::uint64_t seed) {
+  std::mt19937_64 engine(seed * 37 + 11);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  std::vector<ContactSheet> places(static_cast<std::size_t>(std::max(count, 0)));
+  for (ContactSheet& sheet : places) {
+    const double x = unit(engine), y = unit(engine), turn = unit(engine);
+    sheet.centre_m = {0.002 * x, 0.002 * y};
+    sheet.turn_rad = 0.5 * turn * std::numbers::pi / 180;
+  }
+  return places;
+}
+
 }  // namespace sole::sim

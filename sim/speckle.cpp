@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <numeric>
 #include <random>
 
 namespace sole::sim {
@@ -17,6 +18,35 @@ constexpr double kFloor = 0.06;      // light between the dots
 std::size_t Texel(int x, int y) {
   return static_cast<std::size_t>(y & (kSize - 1)) * kSize +
          static_cast<std::size_t>(x & (kSize - 1));
+}
+
+/// Blurs the tile, which repeats, by a Gaussian, first along rows, then along columns.
+void BlurTile(double sigma_texels, std::vector<float>& tile) {
+  const int reach = std::max(1, static_cast<int>(std::ceil(3 * sigma_texels)));
+  std::vector<float> kernel;
+  for (int i = -reach; i <= reach; ++i) {
+    kernel.push_back(static_cast<float>(std::exp(-0.5 * i * i / (sigma_texels * sigma_texels))));
+  }
+  const float sum = std::accumulate(kernel.begin(), kernel.end(), 0.0f);
+  std::vector<float> rows(tile.size(), 0.0f), wrapped(kSize + 2 * static_cast<std::size_t>(reach));
+  for (int y = 0; y < kSize; ++y) {
+    for (std::size_t i = 0; i < wrapped.size(); ++i) {
+      wrapped[i] = tile[Texel(static_cast<int>(i) - reach, y)];
+    }
+    float* const out = rows.data() + Texel(0, y);
+    for (std::size_t k = 0; k < kernel.size(); ++k) {
+      for (std::size_t x = 0; x < kSize; ++x) out[x] += kernel[k] / sum * wrapped[x + k];
+    }
+  }
+  std::fill(tile.begin(), tile.end(), 0.0f);
+  for (int y = 0; y < kSize; ++y) {
+    float* const out = tile.data() + Texel(0, y);
+    for (int i = -reach; i <= reach; ++i) {
+      const float weight = kernel[static_cast<std::size_t>(i + reach)] / sum;
+      const float* const in = rows.data() + Texel(0, y + i);
+      for (std::size_t x = 0; x < kSize; ++x) out[x] += weight * in[x];
+    }
+  }
 }
 
 }  // namespace
@@ -51,12 +81,27 @@ SpecklePattern::SpecklePattern(std::uint64_t seed, double dot_rad)
 
 float SpecklePattern::At(double x, double y) const {
   const double u = x * texels_per_unit_, v = y * texels_per_unit_;
-  const double fu = std::floor(u), fv = std::floor(v);
-  const auto a = static_cast<float>(u - fu), b = static_cast<float>(v - fv);
-  const int iu = static_cast<int>(fu), iv = static_cast<int>(fv);
+  int iu = static_cast<int>(u), iv = static_cast<int>(v);
+  iu -= u < iu;  // rounds down below zero, too
+  iv -= v < iv;
+  const auto a = static_cast<float>(u - iu), b = static_cast<float>(v - iv);
   const float top = (1 - a) * texels_[Texel(iu, iv)] + a * texels_[Texel(iu + 1, iv)];
   const float bottom = (1 - a) * texels_[Texel(iu, iv + 1)] + a * texels_[Texel(iu + 1, iv + 1)];
   return ((1 - b) * top + b * bottom) * (1.0f / 255);
+}
+
+SpecklePattern SpecklePattern::Scattered(double near_rad, double far_share) const {
+  std::vector<float> near(texels_.begin(), texels_.end());
+  BlurTile(near_rad * texels_per_unit_, near);
+  double mean = 0;
+  for (const std::uint8_t texel : texels_) mean += texel;
+  mean /= static_cast<double>(texels_.size());
+  const auto kept = static_cast<float>(1 - far_share), veil = static_cast<float>(far_share * mean);
+  SpecklePattern scattered = *this;
+  for (std::size_t i = 0; i < near.size(); ++i) {
+    scattered.texels_[i] = static_cast<std::uint8_t>(kept * near[i] + veil + 0.5f);
+  }
+  return scattered;
 }
 
 }  // namespace sole::sim

@@ -171,7 +171,7 @@ std::vector<MotionFrame> MakeStepMotion(const Subject& subject, const MotionOpti
   const double first = step->keys.front().at, period = step->keys.back().at - first;
   std::vector<MotionFrame> frames;
   for (int i = 0; i < options.frames; ++i) {
-    const double t = i / options.rate_hz;
+    const double t = options.start_s + i / options.rate_hz;
     double at = t / seconds;
     if (step->repeats) at = std::fmod(at, period);
     State state = StateAt(step->keys, first + at);

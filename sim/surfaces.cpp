@@ -5,6 +5,7 @@
 #include <cmath>
 #include <random>
 
+#include <Eigen/Geometry>
 #include <tbb/parallel_for.h>
 
 namespace sole::sim {
@@ -28,9 +29,9 @@ class Noise3 {
     int i[3];
     float f[3];
     for (int axis = 0; axis < 3; ++axis) {
-      const float floor = std::floor(p[axis]);
-      i[axis] = static_cast<int>(floor);
-      f[axis] = p[axis] - floor;
+      i[axis] = static_cast<int>(p[axis]);
+      i[axis] -= p[axis] < static_cast<float>(i[axis]);  // rounds down below zero, too
+      f[axis] = p[axis] - static_cast<float>(i[axis]);
       f[axis] = f[axis] * f[axis] * (3 - 2 * f[axis]);
     }
     float sum = 0;
@@ -59,7 +60,7 @@ LitGrid LightGrid(const Lighting& lighting, const SceneTracer& tracer, ExposureK
   tbb::parallel_for(0, nodes, [&](int node) {
     const Vector3d point =
         grid.origin + node % grid.nodes_x * grid.along_x + node / grid.nodes_x * grid.along_y;
-    lighting.At(tracer, kind, point, normal, two_sided, kClearance,
+    lighting.At(tracer, kind, {point, normal, two_sided, kClearance},
                 grid.light.data() + static_cast<std::size_t>(node) * stride);
   });
   return grid;
@@ -69,11 +70,19 @@ LitGrid LightGrid(const Lighting& lighting, const SceneTracer& tracer, ExposureK
 
 void LightMesh(const Lighting& lighting, const SceneTracer& tracer, ExposureKind kind,
                LitMesh& mesh) {
-  const std::size_t stride = lighting.Stride(kind);
+  const std::size_t stride = lighting.Stride(kind), panels = lighting.Panels().size();
+  const bool moves = !mesh.shifts.empty();
   mesh.light.resize(mesh.vertices.size() * stride);
+  if (moves) mesh.light_close.resize(mesh.light.size());
+  if (kind == ExposureKind::kTexture) mesh.panels.resize(mesh.vertices.size() * panels);
   tbb::parallel_for(std::size_t{0}, mesh.vertices.size(), [&](std::size_t i) {
-    lighting.At(tracer, kind, mesh.vertices[i], mesh.normals[i].cast<double>(), false,
-                5 * kClearance, mesh.light.data() + i * stride);
+    Lighting::Place place{mesh.vertices[i], mesh.normals[i].cast<double>(), false, 5 * kClearance};
+    if (moves) place.point -= mesh.shifts[i], place.time = 0;
+    lighting.At(tracer, kind, place, mesh.light.data() + i * stride,
+                mesh.panels.empty() ? nullptr : mesh.panels.data() + i * panels);
+    if (!moves) return;
+    place.point += 2 * mesh.shifts[i], place.time = 1;
+    lighting.At(tracer, kind, place, mesh.light_close.data() + i * stride);
   });
 }
 
@@ -106,28 +115,67 @@ LitGrid LightGlass(const Lighting& lighting, const SceneTracer& tracer, Exposure
   return LightGrid(lighting, tracer, kind, std::move(grid), Vector3d::UnitZ(), true);
 }
 
-float MixLight(const Lighting& lighting, ExposureKind kind, const WeightedPoint* points,
-               int count) {
-  float sum = 0;
+LitSheet LightSheet(const Lighting& lighting, const SceneTracer& tracer, ExposureKind kind,
+                    const ContactSheet& sheet) {
+  constexpr std::uint64_t kPrint = 4711;  // every sheet is printed alike
+  constexpr double kDot_m = 0.00074;      // four pixels of the default rig
+  constexpr int kNodesX = 19, kNodesY = 37;
+  LitSheet lit{sheet, SpecklePattern(kPrint, kDot_m), {}};
+  const Eigen::Rotation2Dd turn(sheet.turn_rad);
+  const Eigen::Vector2d x = turn * Eigen::Vector2d(sheet.size_x_m, 0),
+                        y = turn * Eigen::Vector2d(0, sheet.size_y_m),
+                        corner = sheet.centre_m - 0.5 * (x + y);
+  for (const int side : {0, 1}) {
+    LitGrid grid;
+    grid.nodes_x = kNodesX;
+    grid.nodes_y = kNodesY;
+    grid.origin = {corner.x(), corner.y(), side == 0 ? 0 : sheet.thickness_m};
+    grid.along_x = Vector3d(x.x(), x.y(), 0) / (kNodesX - 1);
+    grid.along_y = Vector3d(y.x(), y.y(), 0) / (kNodesY - 1);
+    lit.sides[static_cast<std::size_t>(side)] =
+        LightGrid(lighting, tracer, kind, std::move(grid),
+                  (side == 0 ? -1 : 1) * Vector3d::UnitZ(), false);
+  }
+  return lit;
+}
+
+Eigen::Vector2d LitSheet::OnSheet(const Vector3d& point) const {
+  return Eigen::Rotation2Dd(-sheet.turn_rad) * (point.head<2>() - sheet.centre_m);
+}
+
+bool LitSheet::Covers(const Eigen::Vector2d& place) const {
+  return std::abs(place.x()) <= 0.5 * sheet.size_x_m && std::abs(place.y()) <= 0.5 * sheet.size_y_m;
+}
+
+MixedLight MixLight(const Lighting& lighting, ExposureKind kind, bool skin,
+                    const WeightedPoint* points, int count) {
+  MixedLight sum{lighting.RoomLight(), 0};
+  const bool gloss = points[0].gloss != nullptr;
   if (kind == ExposureKind::kTexture) {
-    for (int i = 0; i < count; ++i) sum += points[i].weight * points[i].light->weight;
-    return sum + lighting.RoomLight();
+    for (int i = 0; i < count; ++i) {
+      sum.diffuse += points[i].weight * points[i].light->weight;
+      if (gloss) sum.gloss += points[i].weight * *points[i].gloss;
+    }
+    return sum;
   }
   std::size_t lamp = 0;
   for (const Lamp& projector : lighting.Projectors()) {
-    float u = 0, v = 0, strength = 0;
+    float u = 0, v = 0, strength = 0, lobe = 0;
     for (int i = 0; i < count; ++i) {
       const LampLight& light = points[i].light[lamp];
       u += points[i].weight * light.u;
       v += points[i].weight * light.v;
       strength += points[i].weight * light.weight;
+      if (gloss) lobe += points[i].weight * points[i].gloss[lamp];
     }
-    if (strength > 0)
-      sum += strength * projector.slide.At(static_cast<double>(u), static_cast<double>(v));
     ++lamp;
+    if (!(strength > 0)) continue;
+    const auto x = static_cast<double>(u), y = static_cast<double>(v);
+    sum.diffuse += strength * (skin ? projector.skin_slide : projector.slide).At(x, y);
+    // What gloss reflects has not been in the skin.
+    if (lobe > 1e-3f) sum.gloss += strength * lobe * projector.slide.At(x, y);
   }
-  constexpr float kRoom = 0.02f;
-  return sum + kRoom + lighting.RoomLight();
+  return sum;
 }
 
 float GridLight(const Lighting& lighting, ExposureKind kind, std::size_t stride,
@@ -140,19 +188,19 @@ float GridLight(const Lighting& lighting, ExposureKind kind, std::size_t stride,
   const LampLight* corner =
       grid.light.data() + static_cast<std::size_t>(iy * grid.nodes_x + ix) * stride;
   const std::size_t row = static_cast<std::size_t>(grid.nodes_x) * stride;
-  const WeightedPoint points[4] = {{corner, (1 - a) * (1 - b)},
-                                   {corner + stride, a * (1 - b)},
-                                   {corner + row, (1 - a) * b},
-                                   {corner + row + stride, a * b}};
-  return MixLight(lighting, kind, points, 4);
+  const WeightedPoint points[4] = {{corner, nullptr, (1 - a) * (1 - b)},
+                                   {corner + stride, nullptr, a * (1 - b)},
+                                   {corner + row, nullptr, (1 - a) * b},
+                                   {corner + row + stride, nullptr, a * b}};
+  return MixLight(lighting, kind, false, points, 4).diffuse;
 }
 
-float SkinAlbedo(const Vector3f& material_m) {
+float SkinTexture(const Vector3f& material_m) {
   static const Noise3 noise;
   const float mottles = noise.At(material_m / 0.006f);  // blotches of some millimetres
   const float creases = noise.At(material_m / 0.0016f + Vector3f(7.3f, 1.9f, 4.1f));
   const float pores = noise.At(material_m / 0.0007f);
-  return 0.50f * (1 + 0.07f * mottles + 0.05f * creases + 0.04f * pores);
+  return 1 + 0.07f * mottles + 0.05f * creases + 0.04f * pores;
 }
 
 std::vector<Dust> ScatterDust(const TruePlate& plate, std::uint64_t seed) {

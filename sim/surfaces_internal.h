@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -23,11 +24,14 @@ struct LitGrid {
 
 struct LitMesh {
   std::vector<Eigen::Vector3i> triangles;
-  std::vector<Eigen::Vector3d> vertices;
+  std::vector<Eigen::Vector3d> vertices;  ///< at the middle of the exposure
+  std::vector<Eigen::Vector3d> shifts;    ///< way from there to the shutter's closing; empty at rest
   std::vector<Eigen::Vector3f> normals;
   std::vector<Eigen::Vector3f> material;
   std::vector<float> tone;
-  std::vector<LampLight> light;  ///< vertices times stride
+  /// Vertices times stride, as the shutter opens and closes; the second is empty at rest.
+  std::vector<LampLight> light, light_close;
+  std::vector<float> panels;  ///< vertices times panels, at the opening; texture exposures only
 };
 
 /// A speck on the glass top.
@@ -36,8 +40,21 @@ struct Dust {
   double radius_m;
 };
 
+/// The contact sheet with its print and light, lower side first.
+struct LitSheet {
+  ContactSheet sheet;
+  SpecklePattern print;
+  std::array<LitGrid, 2> sides;
+
+  /// Place on the sheet of a world point, metres from its middle.
+  Eigen::Vector2d OnSheet(const Eigen::Vector3d& point) const;
+  bool Covers(const Eigen::Vector2d& place) const;
+};
+
 struct PreparedScene::State {
-  State(const Scene& scene, double cube_edge_m) : tracer(scene, cube_edge_m) {}
+  State(const Scene& scene, double cube_edge_m,
+        const std::vector<std::vector<Eigen::Vector3d>>& shifts)
+      : tracer(scene, cube_edge_m, shifts) {}
   SceneTracer tracer;
   ExposureKind exposure = ExposureKind::kSpeckle;
   std::optional<Rigid3> world_from_target;
@@ -46,6 +63,7 @@ struct PreparedScene::State {
   std::size_t stride = 0;
   std::vector<LitMesh> meshes;
   std::vector<LitGrid> cube;  ///< faces -x +x -y +y -z +z
+  std::optional<LitSheet> sheet;
   LitGrid glass;              ///< the plate's top face
 };
 
@@ -56,20 +74,32 @@ LitGrid LightCubeFace(const Lighting& lighting, const SceneTracer& tracer, Expos
                       const Rigid3& world_from_body, double edge_m, int face);
 LitGrid LightGlass(const Lighting& lighting, const SceneTracer& tracer, ExposureKind kind,
                    const TruePlate& plate);
+LitSheet LightSheet(const Lighting& lighting, const SceneTracer& tracer, ExposureKind kind,
+                    const ContactSheet& sheet);
 
+/// Light on a surface point: what falls on it, room light included, and what its gloss reflects.
+struct MixedLight {
+  float diffuse = 0;
+  float gloss = 0;
+};
 /// Light that a lamp's slide lets through, summed over lamps, with the points' light mixed by
-/// weights.
+/// weights. `gloss`: per lamp the factor of GlossLobe, in texture exposures the radiance itself;
+/// null where there is none.
 struct WeightedPoint {
   const LampLight* light;
+  const float* gloss;
   float weight;
 };
-float MixLight(const Lighting& lighting, ExposureKind kind, const WeightedPoint* points, int count);
+MixedLight MixLight(const Lighting& lighting, ExposureKind kind, bool skin,
+                    const WeightedPoint* points, int count);
 /// Light on a grid at cell coordinates x, y (clamped to the grid).
 float GridLight(const Lighting& lighting, ExposureKind kind, std::size_t stride,
                 const LitGrid& grid, double x, double y);
 
-/// Skin reflectance (diffuse albedo) at a material point.
-float SkinAlbedo(const Eigen::Vector3f& material_m);
+/// Mean diffuse reflectance of skin, and its relative change at a material point (mean 1): blotches,
+/// creases, pores.
+inline constexpr float kSkinAlbedo = 0.50f;
+float SkinTexture(const Eigen::Vector3f& material_m);
 
 /// Specks spread at random over the plate.
 std::vector<Dust> ScatterDust(const TruePlate& plate, std::uint64_t seed);

@@ -10,7 +10,7 @@ namespace {
 
 constexpr float kFar = std::numeric_limits<float>::infinity();
 
-RTCRay ToEmbree(const LightRay& ray, double from_m, float to_m) {
+RTCRay ToEmbree(const LightRay& ray, double from_m, float to_m, float time) {
   RTCRay r{};
   r.org_x = static_cast<float>(ray.origin.x());
   r.org_y = static_cast<float>(ray.origin.y());
@@ -20,17 +20,25 @@ RTCRay ToEmbree(const LightRay& ray, double from_m, float to_m) {
   r.dir_z = static_cast<float>(ray.direction.z());
   r.tnear = static_cast<float>(from_m);
   r.tfar = to_m;
+  r.time = time;
   r.mask = 0xffffffffU;
   return r;
 }
 
-RTCGeometry MakeGeometry(RTCDevice device, const TriangleMesh& mesh) {
+RTCGeometry MakeGeometry(RTCDevice device, const TriangleMesh& mesh,
+                         const std::vector<Eigen::Vector3d>& shifts) {
   RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
-  auto* vertices = static_cast<float*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0,
-                                                               RTC_FORMAT_FLOAT3, 3 * sizeof(float),
-                                                               mesh.vertices.size()));
-  for (const Eigen::Vector3d& v : mesh.vertices) {
-    for (int i = 0; i < 3; ++i) *vertices++ = static_cast<float>(v[i]);
+  const unsigned steps = shifts.empty() ? 1 : 2;
+  rtcSetGeometryTimeStepCount(geometry, steps);
+  for (unsigned step = 0; step < steps; ++step) {
+    auto* vertices = static_cast<float*>(
+        rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, step, RTC_FORMAT_FLOAT3,
+                                3 * sizeof(float), mesh.vertices.size()));
+    for (std::size_t v = 0; v < mesh.vertices.size(); ++v) {
+      Eigen::Vector3d point = mesh.vertices[v];
+      if (!shifts.empty()) point += step == 0 ? Eigen::Vector3d(-shifts[v]) : shifts[v];
+      for (int i = 0; i < 3; ++i) *vertices++ = static_cast<float>(point[i]);
+    }
   }
   auto* indices = static_cast<unsigned*>(
       rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
@@ -44,15 +52,18 @@ RTCGeometry MakeGeometry(RTCDevice device, const TriangleMesh& mesh) {
 
 }  // namespace
 
-SceneTracer::SceneTracer(const Scene& scene, double cube_edge_m) : cube_half_m_(0.5 * cube_edge_m) {
+SceneTracer::SceneTracer(const Scene& scene, double cube_edge_m,
+                         const std::vector<std::vector<Eigen::Vector3d>>& shifts)
+    : cube_half_m_(0.5 * cube_edge_m) {
   if (scene.world_from_target) cube_from_world_ = scene.world_from_target->Inverse();
   if (scene.meshes.empty()) return;
   device_ = rtcNewDevice(nullptr);
   Require(device_ != nullptr, "renderer: Embree cannot start on this machine");
   scene_ = rtcNewScene(device_);
   rtcSetSceneFlags(scene_, RTC_SCENE_FLAG_ROBUST);
-  for (const SceneMesh& body : scene.meshes) {
-    RTCGeometry geometry = MakeGeometry(device_, body.mesh);
+  for (std::size_t i = 0; i < scene.meshes.size(); ++i) {
+    RTCGeometry geometry = MakeGeometry(
+        device_, scene.meshes[i].mesh, i < shifts.size() ? shifts[i] : std::vector<Eigen::Vector3d>());
     rtcAttachGeometry(scene_, geometry);
     rtcReleaseGeometry(geometry);
   }
@@ -91,15 +102,15 @@ SceneHit SceneTracer::HitCube(const LightRay& ray, double from_m) const {
   return hit;
 }
 
-SceneHit SceneTracer::Nearest(const LightRay& ray, double from_m) const {
+SceneHit SceneTracer::Nearest(const LightRay& ray, double from_m, float time) const {
   SceneHit hit;
   if (cube_from_world_) hit = HitCube(ray, from_m);
   if (scene_ == nullptr) return hit;
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   RTCRayHit query{};
-  query.ray = ToEmbree(
-      ray, from_m, hit.kind == SceneHit::Kind::kNone ? kFar : static_cast<float>(hit.distance_m));
+  const bool cube = hit.kind != SceneHit::Kind::kNone;
+  query.ray = ToEmbree(ray, from_m, cube ? static_cast<float>(hit.distance_m) : kFar, time);
   query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
   rtcIntersect1(scene_, &context, &query);
   if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return hit;
@@ -112,7 +123,44 @@ SceneHit SceneTracer::Nearest(const LightRay& ray, double from_m) const {
   return hit;
 }
 
-bool SceneTracer::Blocked(const LightRay& ray, double from_m, double to_m) const {
+std::array<SceneHit, 4> SceneTracer::NearestOfFour(const std::array<LightRay, 4>& rays) const {
+  std::array<SceneHit, 4> hits;
+  if (scene_ == nullptr || cube_from_world_) {
+    for (std::size_t i = 0; i < 4; ++i) hits[i] = Nearest(rays[i]);
+    return hits;
+  }
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+  alignas(16) RTCRayHit4 query{};
+  alignas(16) const int valid[4] = {-1, -1, -1, -1};
+  for (std::size_t i = 0; i < 4; ++i) {
+    const RTCRay ray = ToEmbree(rays[i], 0, kFar, 0.5f);
+    query.ray.org_x[i] = ray.org_x;
+    query.ray.org_y[i] = ray.org_y;
+    query.ray.org_z[i] = ray.org_z;
+    query.ray.dir_x[i] = ray.dir_x;
+    query.ray.dir_y[i] = ray.dir_y;
+    query.ray.dir_z[i] = ray.dir_z;
+    query.ray.tfar[i] = ray.tfar;
+    query.ray.time[i] = ray.time;
+    query.ray.mask[i] = ray.mask;
+    query.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
+  }
+  rtcIntersect4(valid, scene_, &context, &query);
+  for (std::size_t i = 0; i < 4; ++i) {
+    if (query.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) continue;
+    hits[i].kind = SceneHit::Kind::kMesh;
+    hits[i].distance_m = static_cast<double>(query.ray.tfar[i]);
+    hits[i].mesh = static_cast<int>(query.hit.geomID[i]);
+    hits[i].triangle = static_cast<int>(query.hit.primID[i]);
+    hits[i].b1 = query.hit.u[i];
+    hits[i].b2 = query.hit.v[i];
+  }
+  return hits;
+}
+
+bool SceneTracer::Blocked(const LightRay& ray, double from_m, double to_m, float time) const {
   if (cube_from_world_) {
     const SceneHit hit = HitCube(ray, from_m);
     if (hit.kind != SceneHit::Kind::kNone && hit.distance_m < to_m) return true;
@@ -120,7 +168,7 @@ bool SceneTracer::Blocked(const LightRay& ray, double from_m, double to_m) const
   if (scene_ == nullptr) return false;
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
-  RTCRay query = ToEmbree(ray, from_m, static_cast<float>(to_m));
+  RTCRay query = ToEmbree(ray, from_m, static_cast<float>(to_m), time);
   rtcOccluded1(scene_, &context, &query);
   return query.tfar < 0;
 }

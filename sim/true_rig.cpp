@@ -55,6 +55,10 @@ TrueCamera DrawCamera(const CameraConfig& nominal, Draws& draws) {
   camera.cam_from_world = world_from_cam.Inverse();
   camera.gain = (nominal.exposure_us / 4000) * std::pow(10.0, nominal.gain_db / 20) *
                 (1 + draws.Within(0.05));
+  camera.analogue_gain = std::pow(10.0, nominal.gain_db / 20);
+  camera.exposure_s = 1e-6 * nominal.exposure_us;
+  camera.aperture_m = nominal.aperture_m;
+  camera.focus_m = (nominal.look_at_m - nominal.position_m).norm();
   camera.vignetting = draws.Between(0.08, 0.18);
   camera.blur_px = draws.Between(0.5, 0.7);
   return camera;
@@ -97,7 +101,10 @@ void WriteTruthRig(const std::filesystem::path& path, const TrueRig& rig) {
          {"translation_m", {t.x(), t.y(), t.z()}},
          {"gain", c.gain},
          {"vignetting", c.vignetting},
+         {"exposure_s", c.exposure_s},
          {"blur_px", c.blur_px},
+         {"aperture_m", c.aperture_m},
+         {"focus_m", c.focus_m},
          {"fog", c.fog},
          {"hot_pixels", c.hot_pixels}});
   }

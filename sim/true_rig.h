@@ -20,8 +20,12 @@ struct TrueCamera {
   double k1 = 0, k2 = 0, p1 = 0, p2 = 0;
   Rigid3 cam_from_world;
   double gain = 1;  ///< grey levels relative to the nominal camera (exposure and analogue gain)
+  double analogue_gain = 1;   ///< the part of it that amplifies noise like light
+  double exposure_s = 0.004;  ///< how long the shutter is open
   double vignetting = 0;  ///< relative loss of light at the image corner
-  double blur_px = 0.6;   ///< standard deviation of the lens' Gaussian blur
+  double blur_px = 0.6;   ///< standard deviation of the lens' Gaussian blur in focus
+  double aperture_m = 0;  ///< diameter of the entrance pupil; 0: everything is in focus
+  double focus_m = 0.6;   ///< distance of sharpest focus along the axis
   double fog = 0;         ///< share of the light that a fogged lens scatters; a fault
   double hot_pixels = 0;  ///< share of the pixels stuck at full level; a fault
 

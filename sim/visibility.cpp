@@ -1,10 +1,8 @@
 #include "sim/visibility.h"
 
 #include <cmath>
-#include <limits>
 #include <string>
 
-#include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
 #include "core/error.h"
@@ -14,9 +12,10 @@ namespace sole::sim {
 namespace {
 
 using Eigen::Vector3d;
-using Eigen::Vector3f;
 
 constexpr double kClearance_m = 1e-4;  // steps over the surface itself
+
+}  // namespace
 
 bool Sees(const TrueCamera& camera, const TruePlate& plate, const SceneTracer& tracer,
           const Vector3d& point, const Vector3d& normal, double min_cosine) {
@@ -29,6 +28,8 @@ bool Sees(const TrueCamera& camera, const TruePlate& plate, const SceneTracer& t
   }
   return !tracer.Blocked({point, -path.arriving}, kClearance_m, path.length_m);
 }
+
+namespace {
 
 std::vector<std::uint8_t> SeenBy(const TrueCamera& camera, const TruePlate& plate,
                                  const SceneTracer& tracer, const LitMesh& mesh,
@@ -46,21 +47,6 @@ int IndexOf(const TrueRig& rig, const std::string& serial) {
     if (rig.cameras[i].serial == serial) return static_cast<int>(i);
   }
   throw Error("visibility: the true rig has no camera '" + serial + "'");
-}
-
-/// The first body on a camera's ray, through the glass where it lies between.
-SceneHit FirstBody(const TruePlate& plate, const SceneTracer& tracer, const LightRay& ray,
-                   LightRay* last) {
-  *last = ray;
-  if (ray.origin.z() < 0 && ray.direction.z() > 0) {
-    const PlateCrossing crossing = CrossPlate(plate, ray);
-    if (crossing.kind == PlateCrossing::Kind::kEdge) return {};
-    constexpr double kBackOff_m = 0.001;
-    if (crossing.kind == PlateCrossing::Kind::kThrough) {
-      *last = {crossing.far_point - kBackOff_m * crossing.direction, crossing.direction};
-    }
-  }
-  return tracer.Nearest(*last);
 }
 
 }  // namespace
@@ -96,45 +82,6 @@ std::vector<std::vector<std::uint8_t>> VisibleToPairs(const Renderer& renderer,
     }
   }
   return visible;
-}
-
-TruthMaps Renderer::MapTruth(const PreparedScene& scene, int camera) const {
-  Require(camera >= 0 && camera < static_cast<int>(state_->rig.cameras.size()),
-          "renderer: the rig has no camera " + std::to_string(camera));
-  const TrueCamera& view = state_->rig.cameras[static_cast<std::size_t>(camera)];
-  const PreparedScene::State& prepared = scene.Get();
-  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-  const int w = view.width, h = view.height;
-  TruthMaps maps{{w, h, -1},
-                 {w, h, -1},
-                 {w, h, Vector3f::Constant(kNan)},
-                 {w, h, Vector3f::Constant(kNan)},
-                 {w, h, Vector3f::Constant(kNan)},
-                 {w, h, kNan}};
-  tbb::parallel_for(0, h, [&](int y) {
-    for (int x = 0; x < w; ++x) {
-      LightRay last;
-      const SceneHit hit = FirstBody(state_->rig.plate, prepared.tracer,
-                                     RayOfPixel(view, Eigen::Vector2d(x, y)), &last);
-      if (hit.kind != SceneHit::Kind::kMesh) continue;
-      const LitMesh& mesh = prepared.meshes[static_cast<std::size_t>(hit.mesh)];
-      const Eigen::Vector3i& t = mesh.triangles[static_cast<std::size_t>(hit.triangle)];
-      const Vector3f weights(1 - hit.b1 - hit.b2, hit.b1, hit.b2);
-      Vector3d point = Vector3d::Zero();
-      Vector3f normal = Vector3f::Zero();
-      for (int i = 0; i < 3; ++i) {
-        point += static_cast<double>(weights[i]) * mesh.vertices[static_cast<std::size_t>(t[i])];
-        normal += weights[i] * mesh.normals[static_cast<std::size_t>(t[i])];
-      }
-      maps.mesh.At(x, y) = hit.mesh;
-      maps.triangle.At(x, y) = hit.triangle;
-      maps.barycentric.At(x, y) = weights;
-      maps.point_m.At(x, y) = point.cast<float>();
-      maps.normal.At(x, y) = normal.normalized();
-      maps.depth_m.At(x, y) = static_cast<float>((view.cam_from_world * point).z());
-    }
-  });
-  return maps;
 }
 
 }  // namespace sole::sim

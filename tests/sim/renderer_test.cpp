@@ -15,6 +15,7 @@
 #include "core/error.h"
 #include "core/plate.h"
 #include "core/target.h"
+#include "sim/truth_maps.h"
 #include "tests/sim/test_bodies.h"
 
 namespace sole::sim {
@@ -250,7 +251,7 @@ TEST_F(RendererTest, TruthMapsAgreeWithTheProjectionThroughTheGlass) {
   scene.meshes.push_back(MakeSphere({0.01, 0, 0.05}, 0.05));
   const PreparedScene prepared = renderer.Prepare(scene);
   for (const int camera : {0, 3}) {
-    const TruthMaps maps = renderer.MapTruth(prepared, camera);
+    const TruthMaps maps = MapTruth(renderer, prepared, camera);
     int covered = 0;
     for (int y = 0; y < 309; y += 5) {
       for (int x = 0; x < 406; x += 5) {
@@ -279,7 +280,7 @@ TEST_F(RendererTest, SpeckleOnSkinHasContrastAndNoSaturation) {
   const PreparedScene prepared = renderer.Prepare(scene);
   for (const int camera : {0, 3}) {
     const ImageU8 image = renderer.Render(prepared, camera, 1);
-    const TruthMaps maps = renderer.MapTruth(prepared, camera);
+    const TruthMaps maps = MapTruth(renderer, prepared, camera);
     std::vector<std::uint8_t> grey;
     for (std::size_t i = 0; i < image.pixels.size(); ++i) {
       const TrueCamera& view = rig_.cameras[static_cast<std::size_t>(camera)];

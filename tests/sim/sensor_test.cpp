@@ -48,6 +48,47 @@ TEST(Expose, NoiseHasTheRequestedLevel) {
   }
 }
 
+TEST(Expose, AnalogueGainAmplifiesNoise) {
+  // Grey 100 at a gain of 4 is a quarter of the electrons.
+  TrueCamera camera = FlatCamera();
+  camera.gain = camera.analogue_gain = 4;
+  const ImageF flat(camera.width, camera.height, static_cast<float>(25.0 / 255));
+  const Moments found = Measure(Expose(camera, flat, 1, 3));
+  const double sigma = 4 * std::sqrt(25 * 10000.0 / 255 + 64) / (10000.0 / 255);
+  EXPECT_NEAR(found.mean, 100 + kBlackLevel, 0.1);
+  EXPECT_NEAR(found.sd, std::sqrt(sigma * sigma + 1.0 / 12), 0.03 * sigma);
+  EXPECT_NEAR(NoiseSigma(100 + kBlackLevel, 4), sigma, 1e-9);
+}
+
+TEST(Expose, BlursWhatIsOutOfFocusByItsCircleOfConfusion) {
+  TrueCamera camera = FlatCamera();
+  camera.fx = 3250;
+  camera.aperture_m = 0.004;
+  camera.focus_m = 0.6;
+  ImageF dots(camera.width, camera.height);
+  dots.At(100, 100) = dots.At(300, 100) = 2.2f;  // just below saturation in focus
+  ImageF depth(50, 38);
+  for (int y = 0; y < 38; ++y) {
+    for (int x = 0; x < 50; ++x) depth.At(x, y) = x < 25 ? 0.6f : 0.5f;
+  }
+  const ImageU8 image = Expose(camera, dots, 0, 1, depth, 8);
+  const auto spread = [&](int x0) {
+    double sum = 0, square = 0;
+    for (int y = 85; y < 116; ++y) {
+      for (int x = x0 - 15; x <= x0 + 15; ++x) {
+        sum += image.At(x, y) - kBlackLevel;
+        square += (image.At(x, y) - kBlackLevel) * (x - x0) * (x - x0);
+      }
+    }
+    return std::sqrt(square / sum);
+  };
+  // A disc of diameter aperture * f * |1/focus - 1/depth| deviates by a quarter of it.
+  const double circle_px = 0.004 * 3250 * (1 / 0.5 - 1 / 0.6);
+  EXPECT_NEAR(spread(100), camera.blur_px, 0.05);
+  EXPECT_NEAR(spread(300), std::hypot(camera.blur_px, circle_px / 4), 0.09);  // tails round to 0
+  EXPECT_NEAR(BlurAt(camera, 0.5), std::hypot(camera.blur_px, circle_px / 4), 1e-12);
+}
+
 TEST(Expose, WithoutNoiseRoundsAndVignettes) {
   TrueCamera camera = FlatCamera();
   camera.vignetting = 0.2;

@@ -65,5 +65,28 @@ TEST(SpecklePattern, SeedsGiveUnrelatedPatternsOfEqualBrightness) {
   EXPECT_LT(std::abs(product / count - mean * sum_b / count) / variance, 0.03);
 }
 
+TEST(SpecklePattern, ScatteredInSkinKeepsItsLightAndMostOfItsContrast) {
+  const SpecklePattern sharp(3, 4 * kPixel);
+  const double near = 0.9 * kPixel, far_share = 0.12;
+  const SpecklePattern soft = sharp.Scattered(near, far_share);
+  double mean_sharp = 0, mean_soft = 0, variance_sharp = 0, variance_soft = 0, steps = 0,
+         steps_soft = 0, count = 0;
+  for (int line = 0; line < 100; ++line) {
+    const std::vector<double> a = Row(sharp, line * 5 * kPixel), b = Row(soft, line * 5 * kPixel);
+    for (std::size_t x = 1; x < a.size(); ++x, ++count) {
+      mean_sharp += a[x], mean_soft += b[x];
+      variance_sharp += a[x] * a[x], variance_soft += b[x] * b[x];
+      steps += std::abs(a[x] - a[x - 1]), steps_soft += std::abs(b[x] - b[x - 1]);
+    }
+  }
+  mean_sharp /= count, mean_soft /= count;
+  const double contrast = std::sqrt((variance_soft / count - mean_soft * mean_soft) /
+                                    (variance_sharp / count - mean_sharp * mean_sharp));
+  EXPECT_NEAR(mean_soft, mean_sharp, 0.01);
+  EXPECT_GT(contrast, 0.5);
+  EXPECT_LT(contrast, 0.85);
+  EXPECT_LT(steps_soft, 0.7 * steps);
+}
+
 }  // namespace
 }  // namespace sole::sim
