@@ -27,6 +27,8 @@ struct SimArguments {
   int frames = 6;
   double noise = -1;
   bool calibration = false;
+  bool contact_sheet = false;
+  bool truth_maps = false;
   std::vector<std::string> faults;
 };
 
@@ -43,11 +45,16 @@ void AddSceneOptions(CLI::App* command, SimArguments& a) {
   command->add_option("--frames", a.frames, "Frame sets to render")->check(CLI::Range(1, 100000))->capture_default_str();
   command->add_option("--noise", a.noise, "Scale of the sensor noise; default from the rig file")->check(CLI::Range(0.0, 100.0));
   AddFaultOption(command, a.faults);
-  command->add_flag("--calibration", a.calibration, "The calibration cube in --frames poses instead of a foot");
+  CLI::Option* cube =
+      command->add_flag("--calibration", a.calibration, "The calibration cube in --frames poses instead of a foot");
+  command->add_flag("--contact-sheet", a.contact_sheet, "The speckled sheet laid on the glass --frames times instead of a foot")
+      ->excludes(cube);
 }
 
 RenderedTake RenderFor(const SimArguments& a, Simulation& simulation) {
-  return a.calibration ? simulation.RenderCalibration(a.frames) : simulation.RenderMotion(a.motion, a.frames);
+  if (a.contact_sheet) return simulation.RenderContactSheet(a.frames);
+  return a.calibration ? simulation.RenderCalibration(a.frames)
+                       : simulation.RenderMotion(a.motion, a.frames, a.truth_maps ? a.out : "");
 }
 
 RigConfig ConfigFor(const SimArguments& a) {
@@ -74,6 +81,7 @@ int Serve(const SimArguments& a, const CommonOptions& common) {
 
 int Render(const SimArguments& a) {
   const RigConfig config = ConfigFor(a);
+  RequireNoTake(a.out);  // before the long work
   for (const FaultConfig& fault : config.simulation.faults) {
     if (!sim::ShowsInImages(fault)) Log("fault " + fault.name + " shows on the wire only: use sole sim serve");
   }
@@ -100,6 +108,8 @@ void AddSimCommands(CLI::App& app, CommonOptions& common, int& status) {
   render->footer("Example: sole sim render rig.toml --out take --seed 7 --motion rock --frames 20");
   AddSceneOptions(render, *a);
   render->add_option("--out", a->out, "Directory of the take")->required();
+  render->add_flag("--truth-maps", a->truth_maps,
+                   "Also write, for every image of a foot, maps of depth, material point, normal and visibility (truth/maps)");
   render->callback([=, &common, &status] {
     const ThreadCap cap(common.threads);
     status = Render(*a);

@@ -1,5 +1,6 @@
 #include "app/simulation.h"
 
+#include <algorithm>
 #include <chrono>
 
 #include <fmt/chrono.h>
@@ -12,6 +13,8 @@
 #include "io/rig_file.h"
 #include "io/take.h"
 #include "sim/faults.h"
+#include "sim/motion.h"
+#include "sim/truth_maps.h"
 #include "sim/visibility.h"
 
 namespace sole::app {
@@ -20,6 +23,8 @@ namespace {
 sim::RenderOptions OptionsFor(const RigConfig& config, std::uint64_t seed) {
   sim::RenderOptions options;
   options.noise = config.simulation.noise;
+  options.ambient_light = config.simulation.ambient_light;
+  options.trigger_jitter_s = 1e-6 * config.simulation.trigger_jitter_us;
   options.seed = seed;
   return options;
 }
@@ -46,6 +51,15 @@ sim::TruthFrame TruthOf(const sim::MotionFrame& frame, const std::vector<Eigen::
   truth.load_n = foot.total_load_n;
   truth.world_from_bone = foot.foot.world_from_rest;
   return truth;
+}
+
+/// Velocity of every vertex from its place `later_s` on.
+std::vector<Eigen::Vector3d> Velocities(const sim::MotionFrame& now, const sim::MotionFrame& later, double later_s) {
+  std::vector<Eigen::Vector3d> velocities;
+  for (std::size_t v = 0; v < now.foot.foot.vertices_m.size(); ++v) {
+    velocities.push_back((later.foot.foot.vertices_m[v] - now.foot.foot.vertices_m[v]) / later_s);
+  }
+  return velocities;
 }
 
 /// Measures of the subject standing at half body weight, as the survey took them.
@@ -88,6 +102,16 @@ void Simulation::WriteTruth(const std::filesystem::path& directory) const {
   if (!truth_.frames.empty()) sim::WriteTruth(take, truth_);
 }
 
+sim::PreparedScene Simulation::AppendSet(const sim::Scene& scene, std::uint64_t seed, RenderedTake& take) {
+  const sim::Renderer& renderer = RendererAt(static_cast<std::int64_t>(take.sets.size()) + 1);
+  sim::PreparedScene prepared = renderer.Prepare(scene);
+  std::vector<ImageU8>& set = take.sets.emplace_back();
+  for (int c = 0; c < static_cast<int>(config_.cameras.size()); ++c) {
+    set.push_back(renderer.Render(prepared, c, seed + 1000 * take.sets.size()));
+  }
+  return prepared;
+}
+
 RenderedTake Simulation::RenderCalibration(int poses) {
   RenderedTake take;
   take.kind = ExposureKind::kTexture;
@@ -96,24 +120,39 @@ RenderedTake Simulation::RenderCalibration(int poses) {
     sim::Scene scene;
     scene.world_from_target = pose;
     scene.exposure = ExposureKind::kTexture;
-    const sim::Renderer& renderer = RendererAt(static_cast<std::int64_t>(take.sets.size()) + 1);
-    const sim::PreparedScene prepared = renderer.Prepare(scene);
-    std::vector<ImageU8>& set = take.sets.emplace_back();
-    for (int c = 0; c < static_cast<int>(config_.cameras.size()); ++c) {
-      set.push_back(renderer.Render(prepared, c, seed_ + 1000 * take.sets.size()));
-    }
+    AppendSet(scene, seed_, take);
     progress.Set(static_cast<int>(take.sets.size()));
   }
   return take;
 }
 
-RenderedTake Simulation::RenderMotion(const std::string& motion, int frames) {
+RenderedTake Simulation::RenderContactSheet(int times) {
+  RenderedTake take;
+  take.kind = ExposureKind::kTexture;
+  take.notes = "contact sheet";
+  Progress progress("render contact sheet", times);
+  for (const sim::ContactSheet& sheet : sim::SheetPlaces(times, seed_)) {
+    sim::Scene scene;
+    scene.sheet = sheet;
+    scene.exposure = ExposureKind::kTexture;
+    AppendSet(scene, seed_ + 2000000, take);
+    progress.Set(static_cast<int>(take.sets.size()));
+  }
+  return take;
+}
+
+RenderedTake Simulation::RenderMotion(const std::string& motion, int frames, const std::filesystem::path& maps) {
   sim::MotionOptions options;
   options.motion = motion;
   options.frames = frames;
   options.rate_hz = config_.trigger.rate_hz;
   options.seed = seed_;
   const sim::FootMotion motion_frames = sim::MakeMotion(subject_, options);
+  // A frame shows the foot in the middle of the exposure; where it is at the end tells its velocity.
+  double half_s = 0;
+  for (const CameraConfig& camera : config_.cameras) half_s = std::max(half_s, 0.5e-6 * camera.exposure_us);
+  options.start_s = half_s;
+  const sim::FootMotion later_frames = sim::MakeMotion(subject_, options);
   truth_ = {};
   truth_.side = subject_.side;
   for (const PairConfig& pair : config_.pairs) truth_.pairs.push_back(pair.name);
@@ -121,18 +160,22 @@ RenderedTake Simulation::RenderMotion(const std::string& motion, int frames) {
   truth_.measures_mm = HalfWeightMeasures(subject_);
   RenderedTake take;
   Progress progress("render feet", frames);
-  for (const sim::MotionFrame& frame : motion_frames.frames) {
-    const sim::Renderer& renderer = RendererAt(static_cast<std::int64_t>(take.sets.size()) + 1);
-    const sim::PreparedScene prepared = renderer.Prepare(SceneOf(frame, motion_frames.triangles));
-    std::vector<ImageU8>& set = take.sets.emplace_back();
+  for (std::size_t i = 0; i < motion_frames.frames.size(); ++i) {
+    const sim::MotionFrame& frame = motion_frames.frames[i];
+    sim::Scene scene = SceneOf(frame, motion_frames.triangles);
+    scene.meshes[0].velocity = Velocities(frame, later_frames.frames[i], half_s);
+    const sim::PreparedScene prepared = AppendSet(scene, seed_ + 1000000, take);
+    const auto trigger = static_cast<std::int64_t>(take.sets.size());
+    const sim::Renderer& renderer = RendererAt(trigger);
     sim::TruthFrame truth = TruthOf(frame, motion_frames.triangles);
-    truth.trigger = static_cast<std::int64_t>(take.sets.size());
+    truth.trigger = trigger;
     truth.visible = sim::VisibleToPairs(renderer, prepared, 0, config_.pairs);
     truth_.frames.push_back(std::move(truth));
-    for (int c = 0; c < static_cast<int>(config_.cameras.size()); ++c) {
-      set.push_back(renderer.Render(prepared, c, seed_ + 1000000 + 1000 * take.sets.size()));
+    for (int c = 0; !maps.empty() && c < static_cast<int>(config_.cameras.size()); ++c) {
+      sim::WriteTruthMaps(io::TakePaths{maps}.TruthMaps(config_.cameras[static_cast<std::size_t>(c)].serial, trigger),
+                          sim::MapTruth(renderer, prepared, c, sim::PartnersOf(config_, c)));
     }
-    progress.Set(static_cast<int>(take.sets.size()));
+    progress.Set(static_cast<int>(trigger));
   }
   return take;
 }
@@ -165,13 +208,19 @@ capture::RecordResult RecordRendered(const RigConfig& config, const RenderedTake
   return capture::Record(config, options);
 }
 
+void RequireNoTake(const std::filesystem::path& directory) {
+  Require(!std::filesystem::exists(io::TakePaths{directory}.Info()),
+          directory.string() + " already holds a take: choose another directory");
+}
+
 void WriteRendered(const RigConfig& config, const RenderedTake& rendered, const std::filesystem::path& directory) {
   const io::TakePaths take{directory};
-  Require(!std::filesystem::exists(take.Info()), directory.string() + " already holds a take: choose another directory");
+  RequireNoTake(directory);
   io::MakeDirectory(directory / "cameras");
   io::TakeInfo info;
   info.name = directory.filename().string();
   info.subject = "simulated";
+  info.notes = rendered.notes;
   info.created = fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::time(nullptr)));
   info.software = Version();
   info.rig_hash = RigIdentityHash(config);

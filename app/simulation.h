@@ -19,6 +19,7 @@ namespace sole::app {
 /// Images rendered ahead of time: one set per trigger, one image per camera.
 struct RenderedTake {
   ExposureKind kind = ExposureKind::kSpeckle;
+  std::string notes;  ///< for take.json
   std::vector<std::vector<ImageU8>> sets;
 };
 
@@ -33,12 +34,17 @@ class Simulation {
   void SetFaults(const std::vector<FaultConfig>& faults);
   /// The calibration cube in `poses` poses, texture light.
   RenderedTake RenderCalibration(int poses);
-  /// The subject's motion, `frames` triggers, speckle light.
-  RenderedTake RenderMotion(const std::string& motion, int frames);
+  /// The speckled contact sheet laid on the glass `times` times, texture light.
+  RenderedTake RenderContactSheet(int times);
+  /// The subject's motion, `frames` triggers, speckle light. Writes truth maps of every image into the take
+  /// `maps`, if given.
+  RenderedTake RenderMotion(const std::string& motion, int frames, const std::filesystem::path& maps = {});
   /// Writes truth/ of the take: true rig at the last trigger rendered and, after RenderMotion, true geometry.
   void WriteTruth(const std::filesystem::path& take) const;
 
  private:
+  /// Renders a scene with every camera and appends the images; returns the scene as prepared.
+  sim::PreparedScene AppendSet(const sim::Scene& scene, std::uint64_t seed, RenderedTake& take);
   /// The renderer of the rig as it is at this trigger.
   const sim::Renderer& RendererAt(std::int64_t trigger);
 
@@ -58,6 +64,9 @@ sim::CameraServer ServeRendered(const RigConfig& config, const RenderedTake& ren
 /// Serves the images and records them with the real recorder, one trigger per set.
 capture::RecordResult RecordRendered(const RigConfig& config, const RenderedTake& rendered,
                                      capture::RecordOptions options);
+
+/// Throws Error if the directory already holds a take.
+void RequireNoTake(const std::filesystem::path& directory);
 
 /// Writes a take as the recorder would have, without cameras.
 void WriteRendered(const RigConfig& config, const RenderedTake& rendered, const std::filesystem::path& take);
