@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <mutex>
 #include <numbers>
+#include <numeric>
 
 #include <Eigen/Core>
 #include <fmt/format.h>
@@ -28,6 +30,7 @@ Person MakePerson(std::uint64_t seed) {
   Person person{sim::DrawSubject(seed), {}};
   const sim::LoadedFoot stood = sim::StandOnPlate(person.subject, 0.5 * kGravity * person.subject.weight_kg);
   person.measured_mm = sim::MeasureFoot(stood.foot.vertices_m, person.subject.side);
+  person.measured_mm["navicular_height"] = sim::NavicularHeight(sim::SubjectRestMesh(person.subject).vertices);
   person.subject.shape.reset();
   return person;
 }
@@ -70,6 +73,38 @@ Moments MomentsOf(const Eigen::MatrixXd& table) {
   return MomentsOf(centred.transpose() * centred / static_cast<double>(table.rows() - 1), mean);
 }
 
+/// Mean, standard deviation and range of one value of everybody.
+json Spread(const std::vector<const Person*>& people, const char* name, const char* unit,
+            const std::function<double(const Person&)>& value) {
+  Eigen::VectorXd values(static_cast<Eigen::Index>(people.size()));
+  for (Eigen::Index i = 0; i < values.size(); ++i) values[i] = value(*people[static_cast<std::size_t>(i)]);
+  const double mean = values.mean();
+  return {{"name", name},
+          {"unit", unit},
+          {"mean", mean},
+          {"sd", std::sqrt((values.array() - mean).square().sum() / static_cast<double>(values.size() - 1))},
+          {"min", values.minCoeff()},
+          {"max", values.maxCoeff()}};
+}
+
+/// What the survey says nothing about.
+json DrawnApart(const std::vector<const Person*>& people) {
+  const auto share = [&](const std::function<bool(const Person&)>& holds) {
+    const auto count = std::count_if(people.begin(), people.end(), [&](const Person* p) { return holds(*p); });
+    return static_cast<double>(count) / static_cast<double>(people.size());
+  };
+  return {{"second_toe_longest_drawn", share([](const Person& p) { return p.subject.second_toe_longest; })},
+          {"second_toe_longest_on_mesh", share([](const Person& p) { return p.measured_mm.at("second_toe_lead") > 0; })},
+          {"spread",
+           {Spread(people, "navicular height, drawn", "mm", [](const Person& p) { return p.subject.measures_mm.at("navicular_height"); }),
+            Spread(people, "navicular height, on the mesh", "mm", [](const Person& p) { return p.measured_mm.at("navicular_height"); }),
+            Spread(people, "sole under the arch, standing", "mm", [](const Person& p) { return p.measured_mm.at("arch_height"); }),
+            Spread(people, "hallux valgus", "degrees",
+                   [](const Person& p) { return p.subject.hallux_valgus_rad * 180 / std::numbers::pi; }),
+            Spread(people, "age", "years", [](const Person& p) { return p.subject.age_years; }),
+            Spread(people, "heel pad", "mm", [](const Person& p) { return 1e3 * p.subject.heel_pad_m; })}}};
+}
+
 json CompareSex(const std::vector<const Person*>& people, sim::Sex sex) {
   const sim::Survey& survey = sim::SurveyOf(sex);
   const Moments wanted = MomentsOf(survey.covariance.topLeftCorner(kNumMeasures, kNumMeasures), survey.mean.head(kNumMeasures));
@@ -87,27 +122,50 @@ json CompareSex(const std::vector<const Person*>& people, sim::Sex sex) {
                                   {"sd_mm", got.sd[i]},
                                   {"sd_difference", got.sd[i] / wanted.sd[i] - 1},
                                   {"miss_mean_mm", miss.mean()},
-                                  {"miss_max_mm", miss.maxCoeff()}});
+                                  {"miss_max_mm", miss.maxCoeff()},
+                                  {"missed_by_2mm", (miss.array() > 2).cast<double>().mean()}});
   }
   Eigen::Index a = 0, b = 0;
   const double from_survey = (got.correlation - wanted.correlation).cwiseAbs().maxCoeff(&a, &b);
   result["correlation_difference"] = from_survey;
   result["correlation_pair"] = {names[static_cast<std::size_t>(a)], names[static_cast<std::size_t>(b)]};
   result["correlation_difference_from_drawn"] = (got.correlation - drawn.correlation).cwiseAbs().maxCoeff();
+  result["missed_by_2mm"] = ((on_mesh - as_drawn).cwiseAbs().rowwise().maxCoeff().array() > 2).cast<double>().mean();
+  result["drawn_apart"] = DrawnApart(people);
   return result;
 }
 
 }  // namespace
 
-std::vector<Person> MakePeople(int count, std::uint64_t first_seed, const std::function<void(int)>& done) {
+std::vector<std::uint64_t> PeopleSeeds(int count, std::uint64_t first_seed) {
   Require(count > 0, "people: the number must be positive");
-  std::vector<Person> people(static_cast<std::size_t>(count));
-  people[0] = MakePerson(first_seed);  // alone: it computes what all share
+  std::vector<std::uint64_t> seeds(static_cast<std::size_t>(count));
+  std::iota(seeds.begin(), seeds.end(), first_seed);
+  return seeds;
+}
+
+std::vector<std::uint64_t> SeedsPerSex(int count, std::uint64_t first_seed) {
+  Require(count > 0, "people: the number must be positive");
+  std::vector<std::uint64_t> seeds;
+  int women = 0, men = 0;
+  for (std::uint64_t seed = first_seed; women < count || men < count; ++seed) {
+    int& of_sex = sim::SubjectSex(seed) == sim::Sex::kFemale ? women : men;
+    if (of_sex == count) continue;
+    ++of_sex;
+    seeds.push_back(seed);
+  }
+  return seeds;
+}
+
+std::vector<Person> MakePeople(const std::vector<std::uint64_t>& seeds, const std::function<void(int)>& done) {
+  Require(!seeds.empty(), "people: nobody to draw");
+  std::vector<Person> people(seeds.size());
+  people[0] = MakePerson(seeds[0]);  // alone: it computes what all share
   done(1);
   std::mutex mutex;
   int finished = 1;
-  tbb::parallel_for(1, count, [&](int i) {
-    people[static_cast<std::size_t>(i)] = MakePerson(first_seed + static_cast<std::uint64_t>(i));
+  tbb::parallel_for(std::size_t{1}, seeds.size(), [&](std::size_t i) {
+    people[i] = MakePerson(seeds[i]);
     const std::lock_guard<std::mutex> lock(mutex);
     done(++finished);
   });
@@ -116,16 +174,16 @@ std::vector<Person> MakePeople(int count, std::uint64_t first_seed, const std::f
 
 std::string PeopleCsv(const std::vector<Person>& people) {
   Require(!people.empty(), "people: there is nobody to write");
-  std::string text = "id,sex,side,weight_kg,stature_mm,hallux_valgus_deg,second_toe_longest,heel_pad_mm";
-  for (const std::string& name : MeasureNames()) text += ",drawn_" + name;
+  std::string text = "id,sex,side,weight_kg,stature_mm,age_years,hallux_valgus_deg,second_toe_longest,heel_pad_mm";
+  for (const auto& [name, value] : people.front().subject.measures_mm) text += ",drawn_" + name;
   for (const auto& [name, value] : people.front().measured_mm) text += ",measured_" + name;
   text += '\n';
   for (const Person& person : people) {
     const sim::Subject& s = person.subject;
-    text += fmt::format("{},{},{},{:.2f},{:.1f},{:.2f},{},{:.2f}", s.seed, NameOf(s.sex),
-                        s.side == Side::kLeft ? "left" : "right", s.weight_kg, 1e3 * s.stature_m,
+    text += fmt::format("{},{},{},{:.2f},{:.1f},{:.1f},{:.2f},{},{:.2f}", s.seed, NameOf(s.sex),
+                        s.side == Side::kLeft ? "left" : "right", s.weight_kg, 1e3 * s.stature_m, s.age_years,
                         s.hallux_valgus_rad * 180 / std::numbers::pi, s.second_toe_longest ? 1 : 0, 1e3 * s.heel_pad_m);
-    for (const std::string& name : MeasureNames()) text += fmt::format(",{:.3f}", s.measures_mm.at(name));
+    for (const auto& [name, value] : s.measures_mm) text += fmt::format(",{:.3f}", value);
     for (const auto& [name, value] : person.measured_mm) text += fmt::format(",{:.3f}", value);
     text += '\n';
   }
@@ -163,6 +221,19 @@ std::string FormatComparison(const json& comparison) {
                         result.at("correlation_pair").at(0).get<std::string>(),
                         result.at("correlation_pair").at(1).get<std::string>(),
                         result.at("correlation_difference_from_drawn").get<double>());
+    text += fmt::format("People who miss one of the nine measures by more than 2 mm: {:.1f} %.\n\n",
+                        100 * result.at("missed_by_2mm").get<double>());
+    const json& apart = result.at("drawn_apart");
+    text += fmt::format("Second toe longest: {:.1f} % drawn, {:.1f} % on the meshes.\n\n",
+                        100 * apart.at("second_toe_longest_drawn").get<double>(),
+                        100 * apart.at("second_toe_longest_on_mesh").get<double>());
+    text += "| drawn apart from the survey | mean | SD | least | most |\n|---|---|---|---|---|\n";
+    for (const json& row : apart.at("spread")) {
+      const auto value = [&](const char* key) { return row.at(key).get<double>(); };
+      text += fmt::format("| {}, {} | {:.1f} | {:.2f} | {:.1f} | {:.1f} |\n", row.at("name").get<std::string>(),
+                          row.at("unit").get<std::string>(), value("mean"), value("sd"), value("min"), value("max"));
+    }
+    text += '\n';
   }
   return text;
 }

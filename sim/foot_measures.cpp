@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <numeric>
 #include <vector>
 
 #include <Eigen/Geometry>
 
 #include "sim/reference_foot.h"
+#include "sim/subject_shape.h"
 
 namespace sole::sim {
 namespace {
@@ -39,6 +41,41 @@ double HullPerimeter(std::vector<Vector2d> points) {
   return length;
 }
 
+/// A point that measurers feel for and mark on the skin before they measure: the skin of the reference foot around a place.
+/// All feet share its vertices, so the mark is on the same spot of anybody's foot.
+class Landmark {
+ public:
+  Landmark(const Vector3d& on_reference_m, double radius_m) {
+    const auto& reference = ReferenceFoot().vertices;
+    for (std::size_t v = 0; v < reference.size(); ++v) {
+      if ((reference[v] - on_reference_m).norm() < radius_m) vertices_.push_back(v);
+    }
+  }
+  Vector3d Middle(std::span<const Vector3d> vertices) const {
+    Vector3d sum = Vector3d::Zero();
+    for (const std::size_t v : vertices_) sum += vertices[v];
+    return sum / static_cast<double>(vertices_.size());
+  }
+  /// How far the patch reaches along `direction`: where a caliper's jaw rests.
+  double Reach(std::span<const Vector3d> vertices, const Vector3d& direction) const {
+    double most = -1;
+    for (const std::size_t v : vertices_) most = std::max(most, direction.dot(vertices[v]));
+    return most;
+  }
+
+ private:
+  std::vector<std::size_t> vertices_;
+};
+
+constexpr double kMark_m = 0.004;   // a mark on the skin
+constexpr double kKnob_m = 0.009;   // the bony prominence around it
+
+/// Places on the reference foot: its most lateral and medial points at malleoli and metatarsal heads, and the skin over the
+/// tuberosity of the navicular.
+const Vector3d kLateralMalleolus(0.0341, 0.0470, 0.0800), kMedialMalleolus(-0.0405, 0.0602, 0.0934);
+const Vector3d kFirstHead(-0.0484, 0.1922, 0.0241), kFifthHead(0.0453, 0.1648, 0.0156);
+const Vector3d kNavicular(-0.0366, 0.1032, 0.0453);
+
 /// Foot with heel at y = 0 and x lateral.
 struct Foot {
   std::vector<Vector3d> vertices;
@@ -62,23 +99,14 @@ struct Foot {
     return HullPerimeter(std::move(points));
   }
 
-  /// Mean of the points within 0.3 mm of the extreme along `direction` inside the box (fractions of the length).
-  Vector3d Extreme(const Vector3d& direction, double y0, double y1, double z0, double z1) const {
-    double best = -1;
-    const auto inside = [&](const Vector3d& p) {
-      return p.y() >= y0 * length && p.y() <= y1 * length && p.z() >= z0 * length && p.z() <= z1 * length;
-    };
+  /// Largest extent along `direction` inside the box (fractions of the length).
+  double Reach(const Vector3d& direction, double y0, double y1, double z0, double z1) const {
+    double most = -1;
     for (const Vector3d& p : vertices) {
-      if (inside(p)) best = std::max(best, direction.dot(p));
+      if (p.y() < y0 * length || p.y() > y1 * length || p.z() < z0 * length || p.z() > z1 * length) continue;
+      most = std::max(most, direction.dot(p));
     }
-    Vector3d sum = Vector3d::Zero();
-    int count = 0;
-    for (const Vector3d& p : vertices) {
-      if (inside(p) && direction.dot(p) > best - 3e-4) sum += p, ++count;
-    }
-    if (count == 0) return Vector3d::Zero();
-    const Vector3d mean = sum / count;
-    return mean + direction * (best - direction.dot(mean));
+    return most;
   }
 };
 
@@ -110,39 +138,62 @@ double ArchHeight(const Foot& foot) {
   return highest - lowest;
 }
 
+/// How far the tip of the second toe is ahead of the hallux's.
+double SecondToeLead(const Foot& foot) {
+  const std::vector<std::uint8_t>& charts = Binding().charts;
+  double tips[3] = {-1, -1, -1};
+  for (std::size_t v = 0; v < charts.size(); ++v) {
+    if (charts[v] <= 2) tips[charts[v]] = std::max(tips[charts[v]], foot.vertices[v].y());
+  }
+  return tips[2] - tips[1];
+}
+
+/// Smallest horizontal girth from a thumb's length above the malleoli up.
+double AnkleGirth(const Foot& foot, double malleolus_z) {
+  double girth = 1;
+  for (int i = 0; i <= 6; ++i) {
+    const double z = malleolus_z + (0.10 + 0.02 * i) * foot.length;
+    const double here = foot.Girth(z * Vector3d::UnitZ(), Vector3d::UnitX(), Vector3d::UnitY());
+    if (here > 0.05) girth = std::min(girth, here);
+  }
+  return girth;
+}
+
 }  // namespace
 
+double NavicularHeight(std::span<const Vector3d> vertices_m) {
+  static const Landmark navicular(kNavicular, kMark_m);
+  return 1e3 * navicular.Middle(vertices_m).z();
+}
+
 std::map<std::string, double> MeasureFoot(std::span<const Vector3d> vertices_m, Side side) {
+  static const Landmark lateral_malleolus(kLateralMalleolus, kMark_m), lateral_knob(kLateralMalleolus, kKnob_m),
+      medial_knob(kMedialMalleolus, kKnob_m), first_head(kFirstHead, kMark_m), fifth_head(kFifthHead, kMark_m);
   const Foot foot = Normalised(vertices_m, side);
   const double length = foot.length;
-  const Vector3d x = Vector3d::UnitX(), y = Vector3d::UnitY(), z = Vector3d::UnitZ();
-  const Vector3d ball_medial = foot.Extreme(-x, 0.62, 0.80, 0, 0.17);
-  const Vector3d ball_lateral = foot.Extreme(x, 0.52, 0.75, 0, 0.17);
-  const Vector3d heel_medial = foot.Extreme(-x, 0, 0.24, 0, 0.17), heel_lateral = foot.Extreme(x, 0, 0.24, 0, 0.17);
-  const Vector3d ankle_medial = foot.Extreme(-x, 0.09, 0.34, 0.22, 0.40);
-  const Vector3d ankle_lateral = foot.Extreme(x, 0.09, 0.34, 0.20, 0.38);
-  const Vector3d instep = foot.Extreme(z, 0.49, 0.51, 0, 1);
-  const Vector3d crease = foot.Extreme(z, 0.45, 0.47, 0, 1);
+  const Vector3d x = Vector3d::UnitX(), z = Vector3d::UnitZ();
+  const Vector3d ball_medial = first_head.Middle(foot.vertices), ball_lateral = fifth_head.Middle(foot.vertices);
+  const Vector3d across = Vector3d(ball_lateral.x() - ball_medial.x(), ball_lateral.y() - ball_medial.y(), 0).normalized();
+  const double malleolus_z = lateral_malleolus.Middle(foot.vertices).z();
   const Vector3d heel(0, 0.027 * length, 0.03 * length);
-  const Vector3d up_front = Vector3d(0, crease.y() - heel.y(), crease.z() - heel.z()).normalized();
-  Vector3d across = ball_lateral - ball_medial;
-  across.z() = 0;
-  double ankle_girth = 1;
-  for (double h = 0.40; h < 0.53; h += 0.02) {
-    const double girth = foot.Girth(h * length * z, x, y);
-    if (girth > 0.05) ankle_girth = std::min(ankle_girth, girth);
-  }
+  const double crease_z = foot.Reach(z, 0.45, 0.47, 0, 1);
+  const Vector3d up_front = Vector3d(0, 0.46 * length - heel.y(), crease_z - heel.z()).normalized();
+  const auto width = [&](double y0, double y1, double y2, double y3) {
+    return foot.Reach(x, y0, y1, 0, 0.17) + foot.Reach(-x, y2, y3, 0, 0.17);
+  };
   return {{"footlength", 1e3 * length},
           {"balloffootlength", 1e3 * ball_medial.y()},
-          {"footbreadthhorizontal", 1e3 * (ball_lateral.x() - ball_medial.x())},
-          {"balloffootcircumference", 1e3 * foot.Girth(ball_medial, across.normalized(), z)},
-          {"heelbreadth", 1e3 * (heel_lateral.x() - heel_medial.x())},
+          {"footbreadthhorizontal", 1e3 * width(0.52, 0.75, 0.62, 0.80)},
+          {"balloffootcircumference", 1e3 * foot.Girth(ball_medial, across, z)},
+          {"heelbreadth", 1e3 * width(0, 0.24, 0, 0.24)},
           {"heelanklecircumference", 1e3 * foot.Girth(heel, x, up_front)},
-          {"bimalleolarbreadth", 1e3 * (ankle_lateral.x() - ankle_medial.x())},
-          {"lateralmalleolusheight", 1e3 * ankle_lateral.z()},
-          {"anklecircumference", 1e3 * ankle_girth},
-          {"instep_height", 1e3 * instep.z()},
-          {"arch_height", 1e3 * ArchHeight(foot)}};
+          {"bimalleolarbreadth", 1e3 * (lateral_knob.Reach(foot.vertices, x) + medial_knob.Reach(foot.vertices, -x))},
+          {"lateralmalleolusheight", 1e3 * malleolus_z},
+          {"anklecircumference", 1e3 * AnkleGirth(foot, malleolus_z)},
+          {"navicular_height", NavicularHeight(vertices_m)},
+          {"instep_height", 1e3 * foot.Reach(z, 0.49, 0.51, 0, 1)},
+          {"arch_height", 1e3 * ArchHeight(foot)},
+          {"second_toe_lead", 1e3 * SecondToeLead(foot)}};
 }
 
 }  // namespace sole::sim

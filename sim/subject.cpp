@@ -4,16 +4,13 @@
 #include <cmath>
 #include <numbers>
 #include <random>
-#include <span>
 
-#include <Eigen/Cholesky>
-#include <Eigen/LU>
+#include <Eigen/Geometry>
 
 #include "sim/foot_kinematics.h"
 #include "sim/foot_measures.h"
 #include "sim/reference_foot.h"
-#include "sim/skin_binding.h"
-#include "sim/soft_contact.h"
+#include "sim/shape_solver.h"
 #include "sim/subject_shape.h"
 #include "sim/survey.h"
 
@@ -22,125 +19,22 @@ namespace {
 
 constexpr double kRadFromDeg = std::numbers::pi / 180;
 
-/// Handles that are solved for the survey's first nine columns, in their order, with their ranges.
-struct SolvedHandle {
-  double ShapeHandles::* handle;
-  const char* measure;
-  double low, high;
-};
-constexpr SolvedHandle kSolved[] = {{&ShapeHandles::scale, "footlength", -0.25, 0.30},
-                                    {&ShapeHandles::ball_length_mm, "balloffootlength", -12, 14},
-                                    {&ShapeHandles::foot_breadth, "footbreadthhorizontal", -0.25, 0.3},
-                                    {&ShapeHandles::ball_height, "balloffootcircumference", -0.3, 0.35},
-                                    {&ShapeHandles::heel_breadth, "heelbreadth", -0.25, 0.35},
-                                    {&ShapeHandles::ankle_front_mm, "heelanklecircumference", -14, 18},
-                                    {&ShapeHandles::malleoli_breadth, "bimalleolarbreadth", -0.25, 0.25},
-                                    {&ShapeHandles::ankle_height, "lateralmalleolusheight", -0.35, 0.25},
-                                    {&ShapeHandles::shank_girth, "anklecircumference", -0.3, 0.35}};
-constexpr Eigen::Index kNumSolved = std::size(kSolved);
-
-Eigen::VectorXd SolvedMeasures(std::span<const Eigen::Vector3d> vertices) {
-  const std::map<std::string, double> measures = MeasureFoot(vertices, Side::kRight);
-  Eigen::VectorXd values(kNumSolved);
-  for (Eigen::Index i = 0; i < kNumSolved; ++i) values[i] = measures.at(kSolved[i].measure);
-  return values;
-}
-
-/// Measures of the mean foot where the handles carry it, before it is settled on the skin.
-Eigen::VectorXd CarriedMeasures(const ShapeHandles& handles) {
-  return SolvedMeasures(ShapedPoints(MeanAdultTable(), handles, Binding().shares, ReferenceFoot().vertices));
-}
-
-/// Derivative of the measures by the handles at the mean foot, on carried vertices.
-Eigen::MatrixXd MeasureJacobian() {
-  const auto measure = [](Eigen::Index handle, double value) {
-    ShapeHandles handles;
-    handles.*kSolved[handle].handle = value;
-    return CarriedMeasures(handles);
-  };
-  Eigen::MatrixXd jacobian(kNumSolved, kNumSolved);
-  for (Eigen::Index i = 0; i < kNumSolved; ++i) {
-    const double step = 0.2 * kSolved[i].high;
-    jacobian.col(i) = (measure(i, step) - measure(i, -step)) / (2 * step);
-  }
-  return jacobian;
-}
-
-/// Measures standing at half the body weight, as the survey's people did.
-Eigen::VectorXd StandingMeasures(const Subject& subject) {
-  Subject right = subject;
-  right.side = Side::kRight;
-  return SolvedMeasures(StandOnPlate(right, 0.5 * 9.81 * right.weight_kg).foot.vertices_m);
-}
-
-/// What settling on the skin and standing add to the carried measures of the mean foot.
-const Eigen::VectorXd& StandingChange() {
-  static const Eigen::VectorXd change = StandingMeasures(MeanSubject()) - CarriedMeasures({});
-  return change;
-}
-
-/// A step of Newton's method with the mean foot's derivatives towards what is missing, within the handles' ranges.
-ShapeHandles Stepped(const ShapeHandles& handles, const Eigen::VectorXd& missing_mm) {
-  static const Eigen::PartialPivLU<Eigen::MatrixXd> jacobian(MeasureJacobian());
-  const double size = 1 + handles.scale;
-  Eigen::VectorXd change = jacobian.solve(missing_mm / size);
-  change[0] *= size;
-  ShapeHandles next = handles;
-  for (Eigen::Index k = 0; k < kNumSolved; ++k) {
-    double& value = next.*kSolved[k].handle;
-    value = std::clamp(value + change[k], kSolved[k].low, kSolved[k].high);
-  }
-  return next;
-}
-
-/// Solves the handles for measures on carried vertices, which costs little; the handles that are not solved stay.
-void SolveCarried(const Eigen::VectorXd& carried_mm, ShapeHandles& handles) {
-  Eigen::VectorXd missing = carried_mm - CarriedMeasures(handles);
-  double share = 1;
-  for (int i = 0; i < 12 && share > 0.05 && missing.cwiseAbs().maxCoeff() > 0.1; ++i) {
-    const ShapeHandles next = Stepped(handles, share * missing);
-    const Eigen::VectorXd next_missing = carried_mm - CarriedMeasures(next);
-    const bool better = next_missing.norm() < missing.norm();
-    share = better ? std::min(1.0, 2 * share) : 0.5 * share;
-    if (!better) continue;
-    handles = next;
-    missing = next_missing;
-  }
-}
-
-/// Solves the subject's shape for what it shall measure standing: first on carried vertices, then on the standing foot.
-void SolveShape(ShapeHandles handles, const Eigen::VectorXd& standing_mm, Subject& subject) {
-  constexpr int kPasses = 5;
-  constexpr double kClose = 0.8;  // mm
-  handles.scale = standing_mm[0] / CarriedMeasures({})[0] - 1;
-  SolveCarried(standing_mm - StandingChange(), handles);
-  Eigen::VectorXd missing;
-  std::shared_ptr<const SubjectShape> best;
-  double share = 1;
-  for (int pass = 0; pass < kPasses; ++pass) {
-    const ShapeHandles next = pass == 0 ? handles : Stepped(handles, share * missing);
-    subject.shape = std::make_shared<const SubjectShape>(MakeShape(next));
-    const Eigen::VectorXd next_missing = standing_mm - StandingMeasures(subject);
-    if (pass > 0 && next_missing.norm() >= missing.norm()) {
-      share *= 0.4;
-      continue;
-    }
-    handles = next;
-    missing = next_missing;
-    best = subject.shape;
-    if (missing.cwiseAbs().maxCoeff() < kClose) break;
-  }
-  subject.shape = best;
-}
-
 double Clipped(std::normal_distribution<double> normal, double low, double high, std::mt19937_64& random) {
   return std::clamp(normal(random), low, high);
 }
 
-/// The drawn person's habit of foot, before the measures are solved.
+/// Redraws until the value lies in the range.
+double Within(double mean, double sd, double low, double high, std::mt19937_64& random) {
+  std::normal_distribution<double> normal(mean, sd);
+  double value = normal(random);
+  while (value < low || value > high) value = normal(random);
+  return value;
+}
+
+/// What the survey does not have: navicular height (which has nothing to do with the foot's length), hallux, toes, age and heel pad.
 ShapeHandles DrawHabit(std::mt19937_64& random, Subject& subject) {
   ShapeHandles handles;
-  handles.arch_height_mm = Clipped(std::normal_distribution<double>(0, 3), -7, 7, random);
+  subject.measures_mm["navicular_height"] = Within(42.5, 3.5, 36, 55, random);
   subject.hallux_valgus_rad = kRadFromDeg * Clipped(std::normal_distribution<double>(4, 4), -2, 12, random);
   handles.hallux_valgus_rad = subject.hallux_valgus_rad;
   handles.toe_fan_rad = kRadFromDeg * Clipped(std::normal_distribution<double>(0.5, 1.5), -1.5, 4, random);
@@ -148,7 +42,10 @@ ShapeHandles DrawHabit(std::mt19937_64& random, Subject& subject) {
   handles.second_toe_length = subject.second_toe_longest
                                   ? Clipped(std::normal_distribution<double>(0.16, 0.02), 0.13, 0.2, random)
                                   : Clipped(std::normal_distribution<double>(0, 0.04), -0.08, 0.07, random);
-  subject.heel_pad_m = 1e-3 * Clipped(std::normal_distribution<double>(17, 1), 15, 19, random);
+  subject.age_years = std::uniform_real_distribution<double>(18, 75)(random);
+  // The pad thins by about 2 mm in a lifetime.
+  const double pad_mm = 17.9 - 0.035 * (subject.age_years - 18);
+  subject.heel_pad_m = 1e-3 * Clipped(std::normal_distribution<double>(pad_mm, 0.6), 15, 19, random);
   return handles;
 }
 
@@ -166,27 +63,43 @@ Subject MeanSubject(Side side) {
   return subject;
 }
 
-Subject DrawSubject(std::uint64_t seed, std::optional<Side> side) {
+namespace {
+
+/// Everything but the shape.
+ShapeHandles DrawPerson(std::uint64_t seed, std::optional<Side> side, Subject& subject) {
   std::mt19937_64 random(seed * 2654435761U + 97);
-  Subject subject;
   subject.seed = seed;
   const Side drawn = std::bernoulli_distribution(0.5)(random) ? Side::kLeft : Side::kRight;
   subject.side = side.value_or(drawn);
   subject.sex = std::bernoulli_distribution(0.5)(random) ? Sex::kMale : Sex::kFemale;
   const Survey& survey = SurveyOf(subject.sex);
-  Eigen::VectorXd person = DrawFromSurvey(survey, random);
-  ShapeHandles handles = DrawHabit(random, subject);
+  const Eigen::VectorXd person = DrawFromSurvey(survey, random);
+  const ShapeHandles handles = DrawHabit(random, subject);
+  for (std::size_t i = 0; i < survey.columns.size(); ++i) {
+    subject.measures_mm[survey.columns[i]] = person[static_cast<Eigen::Index>(i)];
+  }
+  subject.stature_m = 1e-3 * subject.measures_mm.extract("stature").mapped();
+  subject.weight_kg = subject.measures_mm.extract("weightkg").mapped();
+  subject.measures_mm.erase("calfcircumference");  // above the simulated foot
   // The two feet differ by about half a per cent.
   std::mt19937_64 own(seed * 2654435761U + (subject.side == Side::kLeft ? 11 : 7));
   std::normal_distribution<double> asymmetry(1, 0.004);
-  for (Eigen::Index i = 0; i < kNumSolved; ++i) person[i] *= asymmetry(own);
-  for (std::size_t i = 0; i < survey.columns.size(); ++i) {
-    const double value = person[static_cast<Eigen::Index>(i)];
-    if (survey.columns[i] == "stature") subject.stature_m = 1e-3 * value;
-    else if (survey.columns[i] == "weightkg") subject.weight_kg = value;
-    else subject.measures_mm[survey.columns[i]] = value;
-  }
-  SolveShape(handles, person.head(kNumSolved), subject);
+  for (auto& [name, value] : subject.measures_mm) value *= asymmetry(own);
+  return handles;
+}
+
+}  // namespace
+
+Sex SubjectSex(std::uint64_t seed) {
+  Subject subject;
+  DrawPerson(seed, {}, subject);
+  return subject.sex;
+}
+
+Subject DrawSubject(std::uint64_t seed, std::optional<Side> side) {
+  Subject subject;
+  const ShapeHandles handles = DrawPerson(seed, side, subject);
+  subject.shape = SolveShape(handles, subject);
   return subject;
 }
 

@@ -25,6 +25,7 @@ struct Subject {
   Sex sex = Sex::kMale;
   double weight_kg = 75;
   double stature_m = 1.72;
+  double age_years = 40;
   std::map<std::string, double> measures_mm;  ///< drawn, standing at half the weight; names as in MeasureFoot
   double hallux_valgus_rad = 0;
   bool second_toe_longest = false;
@@ -36,10 +37,13 @@ struct Subject {
 Subject MeanSubject(Side side = Side::kRight);
 
 /// Draws a person: sex, the nine foot measures, stature and weight from the survey's normals (rejecting
-/// beyond the 99.9 % Mahalanobis radius), arch height, toe pattern and hallux angle, and solves the shape for them. Same
-/// seed and side: same bits. Both sides of one seed are one person whose feet differ by a little. Without `side` the
-/// seed decides. About a second.
+/// beyond the 99.9 % Mahalanobis radius), navicular height, toe pattern, hallux angle, age and heel pad, and solves the shape for
+/// them. Same seed and side: same bits. Both sides of one seed are one person whose feet differ by a little. Without `side`
+/// the seed decides. About a second.
 Subject DrawSubject(std::uint64_t seed, std::optional<Side> side = {});
+
+/// Sex of the person that DrawSubject draws, at no cost.
+Sex SubjectSex(std::uint64_t seed);
 
 /// The subject's unloaded foot in its foot frame (see ReferenceFoot; a left foot has x medial).
 TriangleMesh SubjectRestMesh(const Subject& subject);

@@ -1,5 +1,8 @@
 #include "sim/foot_measures.h"
 
+#include <algorithm>
+#include <cmath>
+
 #include <gtest/gtest.h>
 
 #include "sim/reference_foot.h"
@@ -12,7 +15,7 @@ TEST(MeasureFoot, ScalesWithTheFoot) {
   const auto once = MeasureFoot(vertices, Side::kRight);
   for (Eigen::Vector3d& v : vertices) v *= 1.1;
   for (const auto& [name, value] : MeasureFoot(vertices, Side::kRight)) {
-    EXPECT_NEAR(value, 1.1 * once.at(name), 0.012 * value) << name;
+    EXPECT_NEAR(value, 1.1 * once.at(name), 0.012 * std::abs(value)) << name;
   }
 }
 
@@ -23,6 +26,17 @@ TEST(MeasureFoot, MirroredAndMovedFootMeasuresTheSame) {
   for (const auto& [name, value] : MeasureFoot(vertices, Side::kLeft)) {
     EXPECT_NEAR(value, right.at(name), 0.05) << name;
   }
+}
+
+TEST(MeasureFoot, WideShankDoesNotPassForTheMalleoli) {
+  // Above its malleoli the shank is made wider than they are.
+  std::vector<Eigen::Vector3d> vertices = ReferenceFoot().vertices;
+  const auto before = MeasureFoot(vertices, Side::kRight);
+  for (Eigen::Vector3d& v : vertices) v.x() *= 1 + 0.5 * std::clamp((v.z() - 0.095) / 0.015, 0.0, 1.0);
+  const auto after = MeasureFoot(vertices, Side::kRight);
+  EXPECT_NEAR(after.at("lateralmalleolusheight"), before.at("lateralmalleolusheight"), 0.01);
+  EXPECT_NEAR(after.at("bimalleolarbreadth"), before.at("bimalleolarbreadth"), 10);
+  EXPECT_GT(after.at("anklecircumference"), 1.2 * before.at("anklecircumference"));
 }
 
 TEST(MeasureFoot, MeanFootLiesWithinTheSurveysRange) {
