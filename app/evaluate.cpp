@@ -209,6 +209,17 @@ std::vector<Eigen::Vector3d> MaterialPositions(const model::FootModel& model, co
   return positions;
 }
 
+/// How far an estimated ground lies above the true, sagged glass in the middle of the true contact (of the plate, without any).
+double HeightOverGlass(const FrameTruth& truth, const GroundPlane& ground) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  int touching = 0;
+  for (const Eigen::Vector3d& v : truth.mesh.vertices) {
+    if (truth.Gap(v) < contact::kContactGap_m) sum += v, ++touching;
+  }
+  const Eigen::Vector3d middle = sum / std::max(touching, 1);
+  return ground.offset_m + ground.slope_x * middle.x() + ground.slope_y * middle.y() + truth.sag.At(middle.x(), middle.y());
+}
+
 json ScoreContact(const io::TakePaths& take, const std::optional<model::FootModel>& model, const TakeTruth& truth) {
   json section{{"precision", nullptr}, {"recall", nullptr}, {"f1", nullptr}, {"plane_offset_mm", nullptr}, {"plane_tilt_deg", nullptr}};
   if (!fs::exists(take.Contact())) return section;
@@ -216,15 +227,16 @@ json ScoreContact(const io::TakePaths& take, const std::optional<model::FootMode
   Mean offset, tilt;
   std::size_t both = 0, labelled = 0, touching = 0;
   for (std::size_t f = 0; f < file.triggers.size(); ++f) {
-    offset.Add(std::abs(file.ground[f].offset_m));
     tilt.Add(std::atan(std::hypot(file.ground[f].slope_x, file.ground[f].slope_y)) * 180 / M_PI);
     const auto frame = std::find_if(truth.frames.begin(), truth.frames.end(),
                                     [&](const FrameTruth& t) { return t.trigger == file.triggers[f]; });
-    if (frame == truth.frames.end() || !model || model->material.empty() || file.contact.empty()) continue;
+    if (frame == truth.frames.end()) continue;
+    offset.Add(std::abs(HeightOverGlass(*frame, file.ground[f])));
+    if (!model || model->material.empty() || file.contact.empty()) continue;
     const std::vector<Eigen::Vector3d> positions = MaterialPositions(*model, *frame, truth.side);
     if (positions.size() != file.contact[f].contact.size()) continue;
     for (std::size_t v = 0; v < positions.size(); ++v) {
-      const bool is = positions[v].z() < contact::kContactGap_m, said = file.contact[f].contact[v] != 0;
+      const bool is = frame->Gap(positions[v]) < contact::kContactGap_m, said = file.contact[f].contact[v] != 0;
       both += is && said;
       labelled += said;
       touching += is;
@@ -258,7 +270,7 @@ json ScoreFit(const io::TakePaths& take, const std::optional<model::FootModel>& 
     bool touches = false;
     for (std::size_t v = 0; v < positions.size(); ++v) {
       v2v.Add((positions[v] - frame.vertices_m.row(static_cast<Eigen::Index>(v)).transpose()).norm());
-      touches |= positions[v].z() < contact::kContactGap_m;
+      touches |= true_frame->Gap(positions[v]) < contact::kContactGap_m;
     }
     (touches ? contact : free).Add(v2v.Value().get<double>());
   }

@@ -37,6 +37,7 @@ sim::Scene SceneOf(const sim::MotionFrame& frame, const std::vector<Eigen::Vecto
     foot.tone.push_back(material == sim::FootMaterial::kNail ? 1.15f : material == sim::FootMaterial::kCut ? 0.1f : 1.0f);
   }
   sim::Scene scene;
+  scene.sag = frame.foot.sag;
   scene.meshes.push_back(std::move(foot));
   return scene;
 }
@@ -49,6 +50,7 @@ sim::TruthFrame TruthOf(const sim::MotionFrame& frame, const std::vector<Eigen::
   truth.pressure_pa = foot.pressure_pa;
   truth.penetration_m = foot.penetration_m;
   truth.load_n = foot.total_load_n;
+  truth.plate_sag = foot.sag;
   truth.world_from_bone = foot.foot.world_from_rest;
   return truth;
 }
@@ -60,6 +62,10 @@ std::vector<Eigen::Vector3d> Velocities(const sim::MotionFrame& now, const sim::
     velocities.push_back((later.foot.foot.vertices_m[v] - now.foot.foot.vertices_m[v]) / later_s);
   }
   return velocities;
+}
+
+sim::PlateModel BendingPlate(const sim::TruePlate& plate) {
+  return {.size_x_m = plate.size_x_m, .size_y_m = plate.size_y_m, .thickness_m = plate.thickness_m};
 }
 
 /// Measures of the subject standing at half body weight, as the survey took them.
@@ -147,6 +153,7 @@ RenderedTake Simulation::RenderMotion(const std::string& motion, int frames, con
   options.frames = frames;
   options.rate_hz = config_.trigger.rate_hz;
   options.seed = seed_;
+  if (config_.simulation.plate_sag) options.plate = BendingPlate(renderer_.Rig().plate);
   const sim::FootMotion motion_frames = sim::MakeMotion(subject_, options);
   // A frame shows the foot in the middle of the exposure; where it is at the end tells its velocity.
   double half_s = 0;

@@ -18,6 +18,24 @@ const std::map<std::string, std::string>& SurveyNames() {
   return names;
 }
 
+/// The sagged glass of every frame; rigid where the file has none.
+std::vector<sim::PlateSag> ReadSag(const io::Npz& npz, std::size_t frames, const std::string& path) {
+  std::vector<sim::PlateSag> sags(frames);
+  if (!npz.contains("plate_sag_grid_m")) return sags;
+  const std::vector<std::size_t> shape = io::ShapeOf(npz, "plate_sag_grid_m");
+  const Eigen::MatrixXd x = io::MatrixFrom(npz, "plate_sag_x_m"), y = io::MatrixFrom(npz, "plate_sag_y_m");
+  Require(shape.size() == 3 && shape[0] == frames && shape[1] == static_cast<std::size_t>(y.size()) &&
+              shape[2] == static_cast<std::size_t>(x.size()) && shape[1] > 1 && shape[2] > 1,
+          path + ": 'plate_sag_grid_m' does not fit 'frames' and its nodes");
+  const Eigen::MatrixXd values = io::MatrixFrom(npz, "plate_sag_grid_m");
+  for (std::size_t f = 0; f < frames; ++f) {
+    const Eigen::VectorXd row = values.row(static_cast<Eigen::Index>(f));
+    sags[f] = {x.maxCoeff() - x.minCoeff(), y.maxCoeff() - y.minCoeff(), static_cast<int>(shape[2]), static_cast<int>(shape[1]),
+               {row.begin(), row.end()}};
+  }
+  return sags;
+}
+
 }  // namespace
 
 TakeTruth ReadTruth(const std::filesystem::path& directory) {
@@ -33,8 +51,10 @@ TakeTruth ReadTruth(const std::filesystem::path& directory) {
           take.Truth().string() + ": 'visible' does not fit 'frames'");
   const std::vector<std::uint8_t>& visible = npz.at("visible").bytes;
   Require(visible.size() == shape[0] * shape[1] * shape[2], take.Truth().string() + ": 'visible' is not of bytes");
+  const std::vector<sim::PlateSag> sags = ReadSag(npz, triggers.size(), take.Truth().string());
   for (std::size_t f = 0; f < triggers.size(); ++f) {
     FrameTruth frame;
+    frame.sag = sags[f];
     frame.trigger = triggers[f];
     frame.mesh = io::ReadPlyMesh(take.TruthMesh(frame.trigger));
     Require(frame.mesh.vertices.size() == shape[2], take.TruthMesh(frame.trigger).string() +

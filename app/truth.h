@@ -8,6 +8,7 @@
 
 #include "core/fit_sequence.h"
 #include "core/mesh.h"
+#include "sim/plate_bending.h"
 
 namespace sole::app {
 
@@ -16,6 +17,10 @@ struct FrameTruth {
   std::int64_t trigger = 0;
   TriangleMesh mesh;                              ///< world frame, constant vertex order
   std::vector<std::vector<std::uint8_t>> visible; ///< pair x vertex: seen by both cameras and lit
+  sim::PlateSag sag;                              ///< of the glass top
+
+  /// Height of a point over the glass.
+  double Gap(const Eigen::Vector3d& point) const { return point.z() + sag.At(point.x(), point.y()); }
 };
 
 /// truth/ of a simulated take (docs/formats.md). Only scoring reads it, never a stage.

@@ -106,6 +106,7 @@ struct SimulationConfig {
   double noise = 1.0;  ///< scales photon and read noise; 0 is noise-free
   double ambient_light = 0.02;    ///< of the room on every surface, 1 = full white; 0 is off
   double trigger_jitter_us = 2;   ///< standard deviation of each camera's start of exposure
+  bool plate_sag = true;  ///< the glass bends under the foot's load
   std::vector<FaultConfig> faults;
 };
 

@@ -196,6 +196,7 @@ void ReadSimulation(TomlTable& top, SimulationConfig& simulation) {
     table.Read("noise", simulation.noise, {0, 1000});
     table.Read("ambient_light", simulation.ambient_light, {0, 100});
     table.Read("trigger_jitter_us", simulation.trigger_jitter_us, {0, 1e6});
+    table.Read("plate_sag", simulation.plate_sag);
     for (TomlTable& item : table.Tables("projector")) {
       ProjectorConfig projector;
       item.Read("position_m", projector.position_m);
@@ -353,9 +354,9 @@ std::string FormatRig(const RigConfig& config) {
     text += fmt::format("\n[[pair]]\nname = {}\nleft = {}\nright = {}\n", Quoted(pair.name),
                         Quoted(pair.left), Quoted(pair.right));
   }
-  text += fmt::format("\n[simulation]\nnoise = {}\nambient_light = {}\ntrigger_jitter_us = {}\n",
+  text += fmt::format("\n[simulation]\nnoise = {}\nambient_light = {}\ntrigger_jitter_us = {}\nplate_sag = {}\n",
                       Float(config.simulation.noise), Float(config.simulation.ambient_light),
-                      Float(config.simulation.trigger_jitter_us));
+                      Float(config.simulation.trigger_jitter_us), config.simulation.plate_sag);
   for (const ProjectorConfig& p : config.simulation.projectors) {
     text += fmt::format("\n[[simulation.projector]]\nposition_m = {}\nlook_at_m = {}\n",
                         Listed(p.position_m), Listed(p.look_at_m));

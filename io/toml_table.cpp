@@ -108,6 +108,13 @@ void TomlTable::Read(const char* key, std::uint32_t& value) {
   value = static_cast<std::uint32_t>(read);
 }
 
+void TomlTable::Read(const char* key, bool& value) {
+  const toml::node* node = Find(key);
+  if (!node) return;
+  if (!node->is_boolean()) Fail(key, "must be true or false");
+  value = node->as_boolean()->get();
+}
+
 void TomlTable::Read(const char* key, int& value, Range range) {
   const toml::node* node = Find(key);
   if (!node) return;

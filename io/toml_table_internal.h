@@ -27,6 +27,7 @@ class TomlTable {
 
   void Read(const char* key, std::string& value);
   void Read(const char* key, std::vector<std::string>& value);
+  void Read(const char* key, bool& value);
   void Read(const char* key, int& value, Range range);
   void Read(const char* key, std::uint32_t& value);
   void Read(const char* key, double& value, Range range);

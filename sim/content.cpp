@@ -221,7 +221,9 @@ SceneView ViewScene(const Renderer::State& renderer, const PreparedScene::State&
     Projected p[4];
     for (int i = 0; i < 4; ++i)
       p[i] = marker.Project({x + (i & 1 ? half : -half), y + (i & 2 ? half : -half), 0});
-    const bool changes = LightChanges(scene.glass, empty_glass, scene.stride, x, y, half);
+    // Marks of a bent glass stand elsewhere than in the empty rig.
+    const bool changes = scene.sag.At(x, y) != 0 ||
+                         LightChanges(scene.glass, empty_glass, scene.stride, x, y, half);
     marker.Mark({p, p + 1, p + 2, p + 3}, changes ? kMarks | kChangedMarks : kMarks,
                 marker.Depth({x, y, 0}));
   };

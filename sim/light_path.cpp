@@ -132,7 +132,8 @@ LightPath PathBetween(const TruePlate& plate, const Vector3d& from, const Vector
   path.leaving = path.arriving = span / path.length_m;
   if (low > -t || high <= -t) return path;  // both on one side
   const double lateral = std::hypot(span.x(), span.y());
-  const double air = std::max(high, 0.0) - low - t, n2 = plate.index * plate.index;
+  // A point a little below the top lies on glass that sagged, all of it: less air, as much glass.
+  const double air = high - low - t, n2 = plate.index * plate.index;
   const auto excess = [&](double s) {
     return air * s / std::sqrt(1 - s * s) + t * s / std::sqrt(n2 - s * s) - lateral;
   };

@@ -73,7 +73,8 @@ struct LightPath {
   bool clear = true;  ///< false if it meets the plate's edge
 };
 
-/// Path from a point outside the glass to a point at or outside its faces. Through the glass by a
+/// Path from a point outside the glass to a point at or outside its faces, or on the top of a plate that
+/// sagged by less than its thickness. Through the glass by a
 /// bracketed search for the sine of the angle in air that makes the lateral distances of both media
 /// add up (to 1e-14 m).
 LightPath PathBetween(const TruePlate& plate, const Eigen::Vector3d& from,

@@ -33,13 +33,13 @@ class Wave {
   double period_s_, phase_a_ = 0, phase_b_ = 0;
 };
 
-/// Where this motion's foot stands: a few millimetres and degrees off the middle.
-Rigid3 DrawPlacement(const Subject& subject, std::mt19937_64& random) {
+/// Where this motion's foot stands: a few millimetres and degrees off what the options say.
+Rigid3 DrawPlacement(const Subject& subject, const MotionOptions& options, std::mt19937_64& random) {
   std::uniform_real_distribution<double> unit(-1, 1);
-  const Eigen::AngleAxisd yaw(0.07 * unit(random), Eigen::Vector3d::UnitZ());
+  const Eigen::AngleAxisd yaw(options.heading_rad + 0.07 * unit(random), Eigen::Vector3d::UnitZ());
   Rigid3 placement;
   placement.rotation = yaw;
-  placement.translation = {0.006 * unit(random), 0.006 * unit(random), 0};
+  placement.translation = {options.offset_m.x() + 0.006 * unit(random), options.offset_m.y() + 0.006 * unit(random), 0};
   return placement * StandingPlacement(subject);
 }
 
@@ -48,7 +48,7 @@ MotionFrame Pressed(const Subject& subject, const FootPose& pose, const ContactO
 }
 
 std::vector<MotionFrame> Stand(const Subject& subject, const MotionOptions& options, std::mt19937_64& random) {
-  const Rigid3 placement = DrawPlacement(subject, random);
+  const Rigid3 placement = DrawPlacement(subject, options, random);
   const Wave load(2.3, random), forward(1.9, random), ankle(3.1, random), lean(2.7, random);
   std::vector<MotionFrame> frames;
   for (int i = 0; i < options.frames; ++i) {
@@ -60,13 +60,13 @@ std::vector<MotionFrame> Stand(const Subject& subject, const MotionOptions& opti
     pose.angles_rad["talocrural.dorsiflexion"] += 0.017 * ankle.At(t);
     pose.angles_rad["subtalar.inversion"] += 0.012 * lean.At(t);
     frames.push_back(Pressed(subject, pose,
-                             {.load_n = load_n, .pressure_centre_y = centre, .pressure_centre_x_m = {}}, t));
+                             {.load_n = load_n, .pressure_centre_y = centre, .plate = options.plate}, t));
   }
   return frames;
 }
 
 std::vector<MotionFrame> Rock(const Subject& subject, const MotionOptions& options, std::mt19937_64& random) {
-  const Rigid3 placement = DrawPlacement(subject, random);
+  const Rigid3 placement = DrawPlacement(subject, options, random);
   const Wave load(2.9, random);
   std::vector<MotionFrame> frames;
   for (int i = 0; i < options.frames; ++i) {
@@ -80,13 +80,13 @@ std::vector<MotionFrame> Rock(const Subject& subject, const MotionOptions& optio
     pose.world_from_foot = placement;
     pose.angles_rad["talocrural.dorsiflexion"] += 0.14 * (forward - 0.4);
     frames.push_back(Pressed(subject, pose,
-                             {.load_n = load_n, .pressure_centre_y = centre, .pressure_centre_x_m = {}}, t));
+                             {.load_n = load_n, .pressure_centre_y = centre, .plate = options.plate}, t));
   }
   return frames;
 }
 
 std::vector<MotionFrame> Air(const Subject& subject, const MotionOptions& options, std::mt19937_64& random) {
-  const Rigid3 placement = DrawPlacement(subject, random);
+  const Rigid3 placement = DrawPlacement(subject, options, random);
   const Wave height(2.1, random), ankle(1.7, random), turn(2.3, random), hallux(1.3, random), toes(1.1, random);
   std::vector<MotionFrame> frames;
   for (int i = 0; i < options.frames; ++i) {
@@ -114,7 +114,7 @@ std::vector<MotionFrame> Air(const Subject& subject, const MotionOptions& option
 std::vector<MotionFrame> Toes(const Subject& subject, const MotionOptions& options, std::mt19937_64& random) {
   constexpr double kPeriod = 2.4;  // seconds for a curl and a spread
   constexpr double kHeel = 0.045;  // room for the curled toes
-  Rigid3 placement = DrawPlacement(subject, random);
+  Rigid3 placement = DrawPlacement(subject, options, random);
   placement.translation.z() += kHeel;
   std::uniform_real_distribution<double> unit(-1, 1);
   const double strength = 1 + 0.1 * unit(random);
@@ -159,6 +159,7 @@ std::string MotionList() {
 FootMotion MakeMotion(const Subject& subject, const MotionOptions& options) {
   Require(options.frames > 0 && options.rate_hz > 0 && options.mean_load > 0 && options.mean_load <= 1.5,
           "motion: frames and rate must be positive and the load between 0 and 1.5 body weights");
+  Require(options.offset_m.allFinite() && std::isfinite(options.heading_rad), "motion: offset and heading must be finite");
   std::mt19937_64 random(options.seed * 7919 + subject.seed);
   FootMotion motion;
   motion.triangles = FootTriangles(subject.side);
@@ -167,7 +168,7 @@ FootMotion MakeMotion(const Subject& subject, const MotionOptions& options) {
   else if (options.motion == "air") motion.frames = Air(subject, options, random);
   else if (options.motion == "toes") motion.frames = Toes(subject, options, random);
   else if (IsStepMotion(options.motion)) {
-    const Rigid3 placement = DrawPlacement(subject, random);
+    const Rigid3 placement = DrawPlacement(subject, options, random);
     motion.frames = MakeStepMotion(subject, options, placement, random);
   } else throw Error("unknown motion '" + options.motion + "': use " + MotionList());
   return motion;

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,6 +17,11 @@ struct MotionOptions {
   double start_s = 0;  ///< time of the first frame; the motion itself stays the same
   std::uint64_t seed = 1;
   double mean_load = 0.5;  ///< of body weight, while standing and rocking
+  std::optional<PlateModel> plate = {};  ///< bends under the foot; absent: the plate is rigid
+  /// Where the foot stands: its middle from the plate's, and its turn to the left about the vertical, on top of a few drawn
+  /// millimetres and degrees. (0.2, 0) puts it half off the default plate.
+  Eigen::Vector2d offset_m = Eigen::Vector2d::Zero();
+  double heading_rad = 0;
 };
 
 struct MotionFrame {

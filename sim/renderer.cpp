@@ -145,6 +145,7 @@ PreparedScene Renderer::Prepare(const Scene& scene) const {
   prepared->world_from_target = scene.world_from_target;
   prepared->fiducials = scene.fiducials;
   prepared->dust = scene.dust;
+  prepared->sag = scene.sag;
   prepared->stride = lighting.Stride(kind);
   prepared->meshes = std::move(meshes);
   for (LitMesh& mesh : prepared->meshes) LightMesh(lighting, tracer, kind, mesh);

@@ -101,8 +101,9 @@ class PathTracer {
   Sample ShadeCube(const SceneHit& hit) const;
   /// Of surface 0 beside the sheet. Sides: 0 lower, 1 upper.
   Sample ShadeSheet(const Eigen::Vector3d& point, std::size_t side) const;
-  /// Marks and dust on the glass top; of surface 0 where it is clear.
-  Sample GlassMark(const Eigen::Vector3d& point) const;
+  /// Marks and dust on the glass top; of surface 0 where it is clear. The ray in air, along
+  /// `direction`, meets the unloaded top at `point`.
+  Sample GlassMark(const Eigen::Vector3d& point, const Eigen::Vector3d& direction) const;
   /// Room, and lamps that shine into the camera.
   float Background(const LightRay& ray) const;
   float LampGlare(const LightRay& ray) const;

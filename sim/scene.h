@@ -9,6 +9,7 @@
 #include "core/frame_set.h"
 #include "core/mesh.h"
 #include "core/rigid3.h"
+#include "sim/plate_bending.h"
 
 namespace sole::sim {
 
@@ -44,6 +45,7 @@ struct Scene {
   ExposureKind exposure = ExposureKind::kSpeckle;
   bool fiducials = true;  ///< etched marks on the glass top
   bool dust = true;       ///< specks on the glass top
+  PlateSag sag = {};      ///< of the glass; marks and dust go down with it
 };
 
 /// Poses world_from_target of the cube in the capture volume: tilted up to 35 degrees, turned all

@@ -120,7 +120,8 @@ void LimitAngles(const Subject& subject, FootPose& pose) {
   }
 }
 
-MotionFrame FrameAt(const Subject& subject, const State& state, const Rigid3& placement, double time_s) {
+MotionFrame FrameAt(const Subject& subject, const MotionOptions& options, const State& state, const Rigid3& placement,
+                    double time_s) {
   const double load_n = state[kLoad] * subject.weight_kg * kGravity;
   const bool air = state[kLoad] < kLeastLoad;
   FootPose pose;
@@ -137,7 +138,7 @@ MotionFrame FrameAt(const Subject& subject, const State& state, const Rigid3& pl
     PoseToes(subject, state, load_n, pose);
   }
   LimitAngles(subject, pose);
-  MotionFrame frame{time_s, PressOnPlate(subject, pose, {.load_n = air ? 0 : load_n}), pose.angles_rad};
+  MotionFrame frame{time_s, PressOnPlate(subject, pose, {.load_n = air ? 0 : load_n, .plate = options.plate}), pose.angles_rad};
   if (air) HoldAbovePlate(1e-3 * std::max(state[kHeight], 0.2), frame);
   return frame;
 }
@@ -176,7 +177,7 @@ std::vector<MotionFrame> MakeStepMotion(const Subject& subject, const MotionOpti
     if (step->repeats) at = std::fmod(at, period);
     State state = StateAt(step->keys, first + at);
     state[kLoad] *= force;
-    frames.push_back(FrameAt(subject, state, placement, t));
+    frames.push_back(FrameAt(subject, options, state, placement, t));
   }
   return frames;
 }

@@ -60,6 +60,7 @@ struct PreparedScene::State {
   std::optional<Rigid3> world_from_target;
   bool fiducials = true;
   bool dust = true;
+  PlateSag sag;
   std::size_t stride = 0;
   std::vector<LitMesh> meshes;
   std::vector<LitGrid> cube;  ///< faces -x +x -y +y -z +z

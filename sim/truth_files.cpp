@@ -1,5 +1,6 @@
 #include "sim/truth_files.h"
 
+#include <algorithm>
 #include <cstring>
 
 #include "core/error.h"
@@ -63,6 +64,38 @@ io::NpyArray Visible(const TakeTruth& truth) {
   return array;
 }
 
+/// The sagged glass of every frame, where there is one.
+void AddSag(const TakeTruth& truth, io::Npz& npz) {
+  const auto bent = std::find_if(truth.frames.begin(), truth.frames.end(),
+                                 [](const TruthFrame& frame) { return !frame.plate_sag.down_m.empty(); });
+  std::vector<double> middle;
+  for (const TruthFrame& frame : truth.frames) middle.push_back(frame.plate_sag.At(0, 0));
+  npz["plate_sag_m"] = io::NpyFrom(middle);
+  if (bent == truth.frames.end()) return;
+  const PlateSag& grid = bent->plate_sag;
+  const std::size_t nodes = grid.down_m.size();
+  io::NpyArray array{"<f4",
+                     {truth.frames.size(), static_cast<std::size_t>(grid.nodes_y), static_cast<std::size_t>(grid.nodes_x)},
+                     {}};
+  std::vector<float> values;
+  for (const TruthFrame& frame : truth.frames) {
+    const std::vector<double>& down_m = frame.plate_sag.down_m;
+    Require(down_m.empty() || down_m.size() == nodes,
+            "truth of trigger " + std::to_string(frame.trigger) + ": the sag has another grid");
+    for (std::size_t i = 0; i < nodes; ++i) values.push_back(down_m.empty() ? 0.0f : static_cast<float>(down_m[i]));
+  }
+  array.bytes.resize(values.size() * sizeof(float));
+  std::memcpy(array.bytes.data(), values.data(), array.bytes.size());
+  npz["plate_sag_grid_m"] = array;
+  const auto along = [](double size_m, int count) {
+    std::vector<double> at;
+    for (int i = 0; i < count; ++i) at.push_back((static_cast<double>(i) / (count - 1) - 0.5) * size_m);
+    return at;
+  };
+  npz["plate_sag_x_m"] = io::NpyFrom(along(grid.size_x_m, grid.nodes_x));
+  npz["plate_sag_y_m"] = io::NpyFrom(along(grid.size_y_m, grid.nodes_y));
+}
+
 io::NpyArray BoneMotions(const TakeTruth& truth) {
   std::vector<double> values;
   for (const TruthFrame& frame : truth.frames) {
@@ -82,12 +115,11 @@ void WriteTruth(const io::TakePaths& take, const TakeTruth& truth) {
   Check(truth);
   io::MakeDirectory(take.TruthMesh(1).parent_path());
   std::vector<int> triggers;
-  std::vector<double> load_n, sag_m;
+  std::vector<double> load_n;
   for (const TruthFrame& frame : truth.frames) {
     io::WritePly(take.TruthMesh(frame.trigger), frame.mesh);
     triggers.push_back(static_cast<int>(frame.trigger));
     load_n.push_back(frame.load_n);
-    sag_m.push_back(frame.plate_sag_m);
   }
   io::Npz npz;
   npz["format_version"] = io::Reshaped(io::NpyFrom(std::vector<int>{1}), {});
@@ -97,7 +129,7 @@ void WriteTruth(const io::TakePaths& take, const TakeTruth& truth) {
   npz["pressure_pa"] = Floats(truth, &TruthFrame::pressure_pa);
   npz["penetration_m"] = Floats(truth, &TruthFrame::penetration_m);
   npz["load_n"] = io::NpyFrom(load_n);
-  npz["plate_sag_m"] = io::NpyFrom(sag_m);
+  AddSag(truth, npz);
   npz["pair"] = io::NpyFrom(truth.pairs);
   npz["visible"] = Visible(truth);
   if (!truth.bones.empty()) {

@@ -9,6 +9,7 @@
 #include "core/mesh.h"
 #include "core/rigid3.h"
 #include "io/take.h"
+#include "sim/plate_bending.h"
 
 namespace sole::sim {
 
@@ -21,7 +22,7 @@ struct TruthFrame {
   std::vector<double> pressure_pa;
   std::vector<double> penetration_m;
   double load_n = 0;
-  double plate_sag_m = 0;  ///< of the glass top at the plate's centre, downwards
+  PlateSag plate_sag;  ///< of the glass top; without nodes: rigid or unloaded
   std::vector<std::vector<std::uint8_t>> visible;  ///< per pair of the rig: see VisibleToPairs
   std::vector<Rigid3> world_from_bone;             ///< rest pose to world, per bone; may be empty
 };

@@ -105,6 +105,15 @@ TEST(PathBetween, MeetsItsEndAfterRefraction) {
   }
 }
 
+TEST(PathBetween, TopOfSaggedGlassIsTheUnloadedTopSeenByACameraRaisedByTheSag) {
+  const TruePlate plate;
+  const Vector3d below(0.1, -0.05, -0.35), down(0, 0, 0.0003), point(-0.04, 0.06, 0);
+  const LightPath sagged = PathBetween(plate, below, point - down), raised = PathBetween(plate, below + down, point);
+  EXPECT_LT((sagged.leaving - raised.leaving).norm(), 1e-12);
+  EXPECT_LT((PathBetween(plate, Vector3d(0.1, 0, 0.4), point - down).leaving -
+             (point - down - Vector3d(0.1, 0, 0.4)).normalized()).norm(), 1e-15);
+}
+
 TEST(PathBetween, IsStraightOnOneSide) {
   const TruePlate plate;
   const Vector3d from(0.3, 0.1, 0.5), to(0, 0, 0);

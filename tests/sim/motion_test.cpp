@@ -1,8 +1,10 @@
 #include "sim/motion.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 
+#include <Eigen/Geometry>
 #include <gtest/gtest.h>
 
 #include "core/error.h"
@@ -51,6 +53,97 @@ TEST(MakeMotion, RockingMovesTheLoadForwardAndBack) {
     EXPECT_TRUE(frame.foot.balanced);
     for (const Eigen::Vector3d& v : frame.foot.foot.vertices_m) ASSERT_GE(v.z(), 0);
   }
+}
+
+double VolumeOf(const std::vector<Eigen::Vector3d>& v, const std::vector<Eigen::Vector3i>& triangles) {
+  double volume = 0;
+  for (const Eigen::Vector3i& t : triangles) {
+    const auto at = [&](int i) { return v[static_cast<std::size_t>(t[i])]; };
+    volume += at(0).dot(at(1).cross(at(2))) / 6;
+  }
+  return volume;
+}
+
+/// What must hold in every frame of every motion on a plate that bends.
+void ExpectPhysical(const Subject& subject, const FootMotion& motion, const MotionFrame& frame) {
+  const LoadedFoot& foot = frame.foot;
+  EXPECT_TRUE(foot.balanced);
+  EXPECT_NEAR(std::accumulate(foot.load_n.begin(), foot.load_n.end(), 0.0), foot.total_load_n, 1e-6);
+  double lowest_gap = 1;
+  for (const Eigen::Vector3d& v : foot.foot.vertices_m) {
+    lowest_gap = std::min(lowest_gap, v.z() + foot.sag.At(v.x(), v.y()));
+  }
+  EXPECT_GE(lowest_gap, -1e-12);
+  EXPECT_EQ(lowest_gap < 1e-4, foot.total_load_n > 0);
+  const double unloaded = VolumeOf(PoseFoot(subject, {.angles_rad = frame.angles_rad}).vertices_m, motion.triangles);
+  EXPECT_NEAR(VolumeOf(foot.foot.vertices_m, motion.triangles) / unloaded, 1, 0.02);
+  for (const JointAxis& joint : JointAxes(subject)) {
+    const auto angle = frame.angles_rad.find(joint.name);
+    if (angle == frame.angles_rad.end()) continue;
+    EXPECT_GE(angle->second, joint.min_rad) << joint.name;
+    EXPECT_LE(angle->second, joint.max_rad) << joint.name;
+  }
+}
+
+TEST(MakeMotion, EveryMotionOfAWomanAndAManIsPhysicalOnABendingPlate) {
+  for (const std::uint64_t seed : {33U, 87U}) {
+    const Subject subject = DrawSubject(seed);
+    for (const std::string& name : MotionNames()) {
+      SCOPED_TRACE(name + " of " + std::to_string(seed));
+      const double rate_hz = name == "run" || name == "jump" ? 12.5 : name == "walk" ? 4.2 : 1.3;
+      const FootMotion motion =
+          MakeMotion(subject, {.motion = name, .frames = 4, .rate_hz = rate_hz, .seed = seed, .plate = PlateModel{}});
+      for (const MotionFrame& frame : motion.frames) ExpectPhysical(subject, motion, frame);
+    }
+  }
+}
+
+/// Share of the touched skin behind the middle of the foot.
+double HeelShare(const LoadedFoot& foot) {
+  double heel = 0, all = 0;
+  for (std::size_t v = 0; v < foot.contact.size(); ++v) {
+    if (foot.contact[v] == 0) continue;
+    all += 1;
+    if (ReferenceFoot().vertices[v].y() < 0.11) heel += 1;
+  }
+  return heel / all;
+}
+
+TEST(MakeMotion, RockingMovesTheContactFromHeelToForefootAndItGrowsWithTheLoad) {
+  const Subject subject = DrawSubject(87);
+  const auto rock = [&](double load) {
+    return MakeMotion(subject, {.motion = "rock", .frames = 5, .rate_hz = 2, .seed = 3, .mean_load = load, .plate = PlateModel{}});
+  };
+  const FootMotion light = rock(0.3), heavy = rock(0.8);
+  for (std::size_t f = 1; f <= 2; ++f) {
+    EXPECT_LT(HeelShare(heavy.frames[f].foot), HeelShare(heavy.frames[f - 1].foot));
+    EXPECT_GT(HeelShare(heavy.frames[f + 2].foot), HeelShare(heavy.frames[f + 1].foot));
+  }
+  for (std::size_t f = 0; f < 5; ++f) {
+    EXPECT_GT(heavy.frames[f].foot.contact_area_m2, light.frames[f].foot.contact_area_m2);
+    EXPECT_GT(heavy.frames[f].foot.sag.At(0, 0), light.frames[f].foot.sag.At(0, 0));
+  }
+}
+
+TEST(MakeMotion, OffsetAndHeadingPlaceTheFoot) {
+  const Subject subject = MeanSubject();
+  const MotionOptions middle{.motion = "stand", .frames = 1, .seed = 4};
+  MotionOptions aside = middle;
+  aside.offset_m = {0.2, -0.05};
+  aside.heading_rad = 1;
+  const LoadedFoot here = MakeMotion(subject, middle).frames[0].foot, there = MakeMotion(subject, aside).frames[0].foot;
+  EXPECT_TRUE(there.balanced);
+  const Rigid3 way = there.foot.world_from_rest[5] * here.foot.world_from_rest[5].Inverse();
+  EXPECT_NEAR(Eigen::AngleAxisd(way.rotation).angle(), 1, 1e-3);
+  int beyond = 0;
+  for (std::size_t v = 0; v < there.contact.size(); ++v) {
+    const Eigen::Vector3d& p = there.foot.vertices_m[v];
+    beyond += p.x() > 0.2;
+    EXPECT_LT(((p - Eigen::Vector3d(0.2, -0.05, p.z())).norm()), 0.17);
+  }
+  EXPECT_GT(beyond, 5000);
+  EXPECT_NEAR(there.contact_area_m2, here.contact_area_m2, 0.02 * here.contact_area_m2);
+  EXPECT_THROW(MakeMotion(subject, {.motion = "stand", .heading_rad = NAN}), Error);
 }
 
 TEST(MakeMotion, AirKeepsTwoToSixCentimetresAndMovesTheToes) {

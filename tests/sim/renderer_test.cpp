@@ -221,6 +221,41 @@ TEST_F(RendererTest, FiducialsAreUprightFromAboveAndMirroredFromBelow) {
   }
 }
 
+TEST_F(RendererTest, FiducialsGoDownWithTheGlass) {
+  constexpr double kDown_m = 0.0005;
+  const Renderer renderer(config_, rig_, {.noise = 0});
+  Scene scene;
+  scene.exposure = ExposureKind::kTexture;
+  const PreparedScene still = renderer.Prepare(scene);
+  // Down everywhere by the same: what a camera sees that was raised by as much.
+  scene.sag = {rig_.plate.size_x_m, rig_.plate.size_y_m, 2, 2, std::vector<double>(4, kDown_m)};
+  const PreparedScene sagged = renderer.Prepare(scene);
+  TrueRig raised = rig_;
+  for (TrueCamera& camera : raised.cameras) {
+    camera.cam_from_world.translation -= camera.cam_from_world.rotation * Eigen::Vector3d(0, 0, kDown_m);
+  }
+  for (const int camera : {1, 2}) {
+    const auto before = Detect(renderer.Render(still, camera, 1), camera < 2);
+    const auto after = Detect(renderer.Render(sagged, camera, 1), camera < 2);
+    int compared = 0;
+    double furthest = 0;
+    for (const Fiducial& fiducial : config_.plate.fiducials) {
+      if (!before.contains(fiducial.id) || !after.contains(fiducial.id)) continue;
+      const auto truth = FiducialCorners(fiducial);
+      for (std::size_t i = 0; i < 4; ++i) {
+        const Eigen::Vector2d moved = after.at(fiducial.id)[i] - before.at(fiducial.id)[i];
+        const Eigen::Vector2d expected =
+            OraclePixel(raised, camera, truth[i]) - OraclePixel(rig_, camera, truth[i]);
+        EXPECT_LT((moved - expected).norm(), 0.4) << "camera " << camera << " fiducial " << fiducial.id;
+        furthest = std::max(furthest, expected.norm());
+        ++compared;
+      }
+    }
+    EXPECT_GE(compared, 20) << "camera " << camera;
+    EXPECT_GT(furthest, 0.8) << "camera " << camera;
+  }
+}
+
 TEST_F(RendererTest, ImagesFollowTheSeedAndNotTheThreads) {
   config_ = MakeDefaultRig(4, 406, 309);
   rig_ = DrawTrueRig(config_, kSeed);

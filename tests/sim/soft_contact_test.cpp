@@ -1,7 +1,9 @@
 #include "sim/soft_contact.h"
 
+#include <cmath>
 #include <numeric>
 
+#include <Eigen/Geometry>
 #include <gtest/gtest.h>
 
 #include "sim/reference_foot.h"
@@ -92,6 +94,57 @@ TEST(StandOnPlate, HeelPadShortensAsPeoplesDo) {
   }
   EXPECT_GT(heel, 0.0025);
   EXPECT_LT(heel, 0.0042);
+}
+
+LoadedFoot StandOnBendingPlate(const Subject& subject, double load_n) {
+  return PressOnPlate(subject, LoadedStandingPose(subject, load_n),
+                      {.load_n = load_n, .pressure_centre_y = 0.42, .plate = PlateModel{}});
+}
+
+TEST(PressOnPlate, FootStandsOnThePlateThatItsLoadsBend) {
+  const Subject mean = MeanSubject();
+  const double load_n = 9.81 * mean.weight_kg;
+  const LoadedFoot stood = StandOnBendingPlate(mean, load_n), rigid = StandOnPlate(mean, load_n);
+  EXPECT_TRUE(stood.balanced);
+  EXPECT_NEAR(stood.total_load_n, load_n, 0.01 * load_n);
+  EXPECT_GT(stood.sag.At(0, 0), 5e-5);
+  EXPECT_LT(stood.sag.At(0, 0), 2e-4);
+  std::vector<PlateLoad> loads;
+  double bulged_below = 0, apart = 0;
+  for (std::size_t v = 0; v < stood.contact.size(); ++v) {
+    const Eigen::Vector3d& p = stood.foot.vertices_m[v];
+    const double gap = p.z() + stood.sag.At(p.x(), p.y());
+    bulged_below = std::min(bulged_below, gap);
+    if (std::abs(gap - 1e-4) > 2e-6) {
+      EXPECT_EQ(stood.contact[v] == 1, gap < 1e-4) << v;
+    }
+    if (stood.load_n[v] > 0) loads.push_back({p.x(), p.y(), stood.load_n[v]});
+    apart = std::max(apart, (p - rigid.foot.vertices_m[v]).norm());
+  }
+  EXPECT_GT(bulged_below, -1e-12);
+  // The sag is what the foot's own loads make of the plate: the fixed point was reached.
+  const PlateSag again = BendPlate({}, loads);
+  for (const double y : {-0.1, 0.0, 0.1}) EXPECT_NEAR(again.At(0, y), stood.sag.At(0, y), 1e-6);
+  EXPECT_GT(apart, 5e-5);
+  EXPECT_LT(apart, 3e-4);
+  EXPECT_NEAR(Volume(stood.foot.vertices_m, mean.side) / Volume(rigid.foot.vertices_m, mean.side), 1, 0.001);
+}
+
+TEST(PressOnPlate, HeadingTurnsTheWholeSolution) {
+  const Subject mean = MeanSubject();
+  const ContactOptions options{.load_n = 400, .pressure_centre_y = 0.5};
+  FootPose pose = LoadedStandingPose(mean, 400);
+  const LoadedFoot ahead = PressOnPlate(mean, pose, options);
+  const Eigen::Quaterniond turn(Eigen::AngleAxisd(2.1, Eigen::Vector3d::UnitZ()));
+  const Rigid3 moved{turn, {0.07, -0.02, 0}};
+  pose.world_from_foot = moved * pose.world_from_foot;
+  const LoadedFoot turned = PressOnPlate(mean, pose, options);
+  EXPECT_TRUE(turned.balanced);
+  double apart = 0;
+  for (std::size_t v = 0; v < ahead.contact.size(); v += 7) {
+    apart = std::max(apart, (moved * ahead.foot.vertices_m[v] - turned.foot.vertices_m[v]).norm());
+  }
+  EXPECT_LT(apart, 5e-6);
 }
 
 TEST(PressOnPlate, WithoutLoadNothingTouches) {

@@ -68,6 +68,26 @@ TEST_F(WriteTruthTest, ReadsBackInTheDocumentedShapes) {
   EXPECT_NEAR(mesh.vertices[3].z(), 2.1, 1e-6);
 }
 
+TEST_F(WriteTruthTest, SagIsAGridWithItsNodes) {
+  TakeTruth truth = MakeTruth();
+  PlateSag& sag = truth.frames[1].plate_sag;
+  sag = {0.4, 0.6, 3, 5, std::vector<double>(15, 0)};
+  sag.down_m[7] = 1e-4;  // the middle
+  sag.down_m[8] = 5e-5;  // one node further in x
+  WriteTruth(take_, truth);
+  const io::Npz npz = io::ReadNpz(take_.Truth());
+  EXPECT_EQ(io::ShapeOf(npz, "plate_sag_grid_m"), (std::vector<std::size_t>{3, 5, 3}));
+  const Eigen::MatrixXd grid = io::MatrixFrom(npz, "plate_sag_grid_m");
+  EXPECT_NEAR(grid(1, 8), 5e-5, 1e-11);
+  EXPECT_EQ(grid(0, 8), 0);
+  EXPECT_NEAR(io::MatrixFrom(npz, "plate_sag_m")(1, 0), 1e-4, 1e-15);
+  EXPECT_NEAR(io::MatrixFrom(npz, "plate_sag_x_m")(2, 0), 0.2, 1e-15);
+  EXPECT_NEAR(io::MatrixFrom(npz, "plate_sag_y_m")(1, 0), -0.15, 1e-15);
+  EXPECT_NEAR(sag.At(0.1, 0), 7.5e-5, 1e-15);
+  truth.frames[2].plate_sag = {0.4, 0.6, 2, 2, std::vector<double>(4, 0)};
+  EXPECT_THROW(WriteTruth(take_, truth), Error);
+}
+
 TEST_F(WriteTruthTest, RefusesFramesThatDisagree) {
   TakeTruth truth = MakeTruth();
   truth.frames[1].visible.pop_back();
