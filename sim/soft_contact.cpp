@@ -55,7 +55,7 @@ void Bulge(const Subject& subject, const std::vector<double>& shortening, double
     trial[v] += push[v];
   }
   const double laid = VolumeOf(vertices, triangles), gained = VolumeOf(trial, triangles) - laid;
-  const double amount = gained > 0 ? std::clamp(kRestored * (volume_before - laid) / gained, 0.0, 8.0) : 0;
+  const double amount = gained > 0 ? std::clamp(kRestored * (volume_before - laid) / gained, 0.0, 20.0) : 0;
   for (std::size_t v = 0; v < vertices.size(); ++v) vertices[v] += amount * push[v];
 }
 

@@ -75,7 +75,9 @@ void ExpectPhysical(const Subject& subject, const FootMotion& motion, const Moti
   }
   EXPECT_GE(lowest_gap, -1e-12);
   EXPECT_EQ(lowest_gap < 1e-4, foot.total_load_n > 0);
-  const double unloaded = VolumeOf(PoseFoot(subject, {.angles_rad = frame.angles_rad}).vertices_m, motion.triangles);
+  FootPose pose;
+  pose.angles_rad = frame.angles_rad;
+  const double unloaded = VolumeOf(PoseFoot(subject, pose).vertices_m, motion.triangles);
   EXPECT_NEAR(VolumeOf(foot.foot.vertices_m, motion.triangles) / unloaded, 1, 0.02);
   for (const JointAxis& joint : JointAxes(subject)) {
     const auto angle = frame.angles_rad.find(joint.name);

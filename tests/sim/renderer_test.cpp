@@ -234,25 +234,25 @@ TEST_F(RendererTest, FiducialsGoDownWithTheGlass) {
   for (TrueCamera& camera : raised.cameras) {
     camera.cam_from_world.translation -= camera.cam_from_world.rotation * Eigen::Vector3d(0, 0, kDown_m);
   }
-  for (const int camera : {1, 2}) {
+  for (const int camera : {0, 2}) {
     const auto before = Detect(renderer.Render(still, camera, 1), camera < 2);
     const auto after = Detect(renderer.Render(sagged, camera, 1), camera < 2);
+    // A corner is found to a fraction of a pixel only: how far all of them went, relative to what is expected.
     int compared = 0;
-    double furthest = 0;
+    double along = 0, squared = 0;
     for (const Fiducial& fiducial : config_.plate.fiducials) {
       if (!before.contains(fiducial.id) || !after.contains(fiducial.id)) continue;
       const auto truth = FiducialCorners(fiducial);
       for (std::size_t i = 0; i < 4; ++i) {
-        const Eigen::Vector2d moved = after.at(fiducial.id)[i] - before.at(fiducial.id)[i];
         const Eigen::Vector2d expected =
             OraclePixel(raised, camera, truth[i]) - OraclePixel(rig_, camera, truth[i]);
-        EXPECT_LT((moved - expected).norm(), 0.4) << "camera " << camera << " fiducial " << fiducial.id;
-        furthest = std::max(furthest, expected.norm());
+        along += expected.dot(after.at(fiducial.id)[i] - before.at(fiducial.id)[i]);
+        squared += expected.squaredNorm();
         ++compared;
       }
     }
-    EXPECT_GE(compared, 20) << "camera " << camera;
-    EXPECT_GT(furthest, 0.8) << "camera " << camera;
+    ASSERT_GE(compared, 20) << "camera " << camera;
+    EXPECT_NEAR(along / squared, 1, 0.3) << "camera " << camera;
   }
 }
 
