@@ -37,8 +37,8 @@ void PeopleCommand(const PeopleArguments& a, const CommonOptions& common) {
 void AddPeopleCommands(CLI::App& sim, CommonOptions& common, int& status) {
   auto a = std::make_shared<PeopleArguments>();
   CLI::App* people = sim.add_subcommand("people", "Draws people, measures their feet, compares them with the survey");
-  people->footer("Examples: sole sim people --n 200 --seed 1 --out people.csv\n"
-                 "          sole sim people --per-sex 1000 --seed 1000 --out people.csv\n"
+  people->footer("Example: sole sim people --n 200 --seed 1 --out people.csv\n"
+                 "         sole sim people --per-sex 1000 --seed 1000 --out people.csv\n"
                  "The comparison of means, standard deviations and correlations goes to stdout (--json for programs).");
   CLI::Option* count = people->add_option("--n", a->count, "People, both sexes together")
                            ->check(CLI::Range(1, 1000000))->capture_default_str();

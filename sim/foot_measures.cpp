@@ -132,7 +132,7 @@ double ArchHeight(const Foot& foot) {
   for (std::size_t i = 0; i < foot.vertices.size(); ++i) {
     const Vector3d& p = foot.vertices[i];
     lowest = std::min(lowest, p.z());
-    if (std::abs(p.x() + medial) > 0.0025 || normals[i].z() > -0.3) continue;
+    if (std::abs(p.x() + medial) > 0.0025 || normals[i].z() > -0.3 || p.z() > 0.17 * foot.length) continue;
     if (p.y() > 0.36 * foot.length && p.y() < 0.52 * foot.length) highest = std::max(highest, p.z());
   }
   return highest - lowest;
