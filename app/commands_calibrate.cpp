@@ -13,6 +13,7 @@
 #include "app/commands.h"
 #include "app/console.h"
 #include "app/evaluate.h"
+#include "app/ground.h"
 #include "app/take_list.h"
 #include "calib/calibrate.h"
 #include "calib/chessboard.h"
@@ -31,7 +32,7 @@ using nlohmann::json;
 
 struct CalibrateArguments {
   std::vector<std::string> takes;
-  std::string out, take, calibration, images, target;
+  std::string out, take, calibration, images, target, sheet;
   bool no_plate = false;
   bool readjust = false;
 };
@@ -57,13 +58,14 @@ json RunCalibrate(const CalibrateArguments& a) {
   calib::CalibrateOptions options;
   options.ignore_plate = a.no_plate;
   const calib::TakeObservations observations = calib::Observe(takes.Config(), takes, options.detect);
-  const Calibration calibration = calib::CalibrateFromObservations(takes.Config(), observations, options);
+  Calibration calibration = calib::CalibrateFromObservations(takes.Config(), observations, options);
   const std::filesystem::path report = std::filesystem::path(a.out).replace_extension(".html");
   WriteCalibrationReport(report, calibration, observations);
   for (const std::string& line : calib::Advice(calibration.rig, observations)) Log("next time: " + line);
   RequirePassed(calibration.stats, report);
-  io::WriteCalibration(a.out, calibration);
   json account = StatsJson(calibration.stats);
+  if (!a.sheet.empty()) account["ground"] = AddGround(calibration, a.sheet);
+  io::WriteCalibration(a.out, calibration);
   account["report"] = report.string();
   return account;
 }
@@ -194,6 +196,7 @@ json RunCheck(const CalibrateArguments& a) {
   const calib::DriftReport report = calib::CheckDrift(calibration, takes.Config(), observations, matches);
   LogDrift(report);
   json account = DriftJson(report);
+  if (const json ground = CompareGround(calibration, takes.Config(), observations); !ground.is_null()) account["ground"] = ground;
   if (!a.readjust || report.moved.empty()) return account;
   Require(report.moved.size() == 1 && !report.everything_moved,
           fmt::format("{}: {} cameras moved; only a single one can be re-adjusted, calibrate again", a.take, report.moved.size()));
@@ -218,13 +221,15 @@ void AddCalibrateCommands(CLI::App& app, CommonOptions& common, int& status) {
                     "Writes rig-calibration.html beside it. A calibration that fails in millimetres is not written (status 1).");
   calibrate->add_option("TAKE", a->takes, "Calibration takes");
   calibrate->add_option("--out", a->out, "Calibration file to write");
+  CLI::Option* sheet = calibrate->add_option("--sheet", a->sheet, "Take of the speckled sheet on the glass, which shows where the glass top is");
   calibrate->add_flag("--no-plate", a->no_plate, "As if there were no glass: shows what ignoring it costs");
   CLI::Option* images = calibrate->add_option("--images", a->images,
                                               "Folder of pictures CAMERA/NUMBER.png or CAMERANUMBER.png instead of takes");
   CLI::Option* target = calibrate->add_option("--target", a->target,
                                               "What the pictures show: chessboard:COLUMNSxROWS:SQUARE, inner corners, such as chessboard:9x6:25mm");
-  images->needs(target);
+  images->needs(target)->excludes(sheet);
   target->needs(images);
+  AddGroundCommand(*calibrate, common, status);
   CLI::App* check = calibrate->add_subcommand("check", "Scores a later take: which camera has moved since, and by how much");
   calibrate->callback([=, &common] {
     if (!calibrate->get_subcommands().empty()) return;

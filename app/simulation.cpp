@@ -137,7 +137,10 @@ RenderedTake Simulation::RenderContactSheet(int times) {
   take.kind = ExposureKind::kTexture;
   take.notes = "contact sheet";
   Progress progress("render contact sheet", times);
-  for (const sim::ContactSheet& sheet : sim::SheetPlaces(times, seed_)) {
+  for (sim::ContactSheet sheet : sim::SheetPlaces(times, seed_)) {
+    sheet.size_x_m = config_.sheet.size_x_m;
+    sheet.size_y_m = config_.sheet.size_y_m;
+    sheet.thickness_m = config_.sheet.thickness_m;
     sim::Scene scene;
     scene.sheet = sheet;
     scene.exposure = ExposureKind::kTexture;

@@ -53,6 +53,12 @@ std::vector<std::int64_t> TriggerNumbers(const io::TakePaths& take) {
   return triggers;
 }
 
+/// The glass top as calibration saw it, by the calibration that the scans were made with; z = 0 without.
+GroundSurface CalibratedGround(const io::TakePaths& take) {
+  const fs::path path = take.root / "calibration.json";
+  return fs::exists(path) ? io::ReadCalibration(path).ground.value_or(GroundSurface{}) : GroundSurface{};
+}
+
 /// True if `output` is missing or older than one of the inputs.
 bool Stale(const fs::path& output, const std::vector<fs::path>& inputs) {
   if (!fs::exists(output)) return true;
@@ -129,11 +135,12 @@ json RunReconstruct(const fs::path& directory, const fs::path& calibration_path)
 json RunContact(const fs::path& directory) {
   const io::TakePaths take{directory};
   io::ContactFile file;
+  const GroundSurface calibrated = CalibratedGround(take);
   for (const std::int64_t trigger : TriggerNumbers(take)) {
     Require(fs::exists(take.Platform(trigger)), take.Platform(trigger).string() + " is missing: run `sole reconstruct " +
                                                     directory.string() + "` first");
     file.triggers.push_back(trigger);
-    file.ground.push_back(contact::EstimateGround(io::ReadPlyCloud(take.Platform(trigger))));
+    file.ground.push_back(contact::EstimateGround(io::ReadPlyCloud(take.Platform(trigger)), calibrated));
   }
   io::WriteContact(take.Contact(), file);
   double offset = 0, points = 0;
@@ -156,9 +163,10 @@ json RunFit(const fs::path& directory, const ModelPair& models) {
   const FitSequence fit = model::FitFrames(models.right, models.left, clouds, triggers, {},
                                            [&](int done, int) { progress.Set(done); });
   contact.contact.clear();
+  const GroundSurface calibrated = CalibratedGround(take);
   for (std::size_t f = 0; f < fit.frames.size(); ++f) {
     contact.contact.push_back(contact::LabelContact(fit.frames[f].registration_m,
-                                                    fit.frames[f].registration_sd_m, contact.ground[f]));
+                                                    fit.frames[f].registration_sd_m, contact.ground[f], calibrated));
     if (fit.frames[f].verdict != "good") {
       Log(fmt::format("trigger {}: {}", triggers[f], fit.frames[f].verdict));
     }

@@ -2,105 +2,20 @@
 
 #include <tbb/parallel_for.h>
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <opencv2/aruco.hpp>
-#include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
 #include <string>
 
 #include "calib/edge_fit.h"
+#include "calib/markers_internal.h"
 #include "core/error.h"
 
 namespace sole::calib {
 namespace {
-
-using Quad = std::array<Eigen::Vector2d, 4>;
-
-/// A decoded marker, corners in OpenCV's order.
-struct Marker {
-  int id;
-  Quad corners;
-};
-
-std::vector<Marker> FindMarkers(const ImageU8& image, bool mirrored) {
-  const cv::Mat view(image.height, image.width, CV_8UC1,
-                     const_cast<std::uint8_t*>(image.pixels.data()));
-  cv::Mat flipped;
-  if (mirrored) cv::flip(view, flipped, 1);
-  const auto dictionary = cv::aruco::getPredefinedDictionary(cv::aruco::DICT_5X5_250);
-  const auto parameters = cv::aruco::DetectorParameters::create();
-  parameters->adaptiveThreshWinSizeMin = 7;
-  parameters->adaptiveThreshWinSizeMax = 35;
-  parameters->adaptiveThreshWinSizeStep = 14;
-  parameters->minMarkerPerimeterRate = 0.02;
-  parameters->errorCorrectionRate = 0.3;
-  std::vector<std::vector<cv::Point2f>> corners;
-  std::vector<int> ids;
-  cv::aruco::detectMarkers(mirrored ? flipped : view, dictionary, corners, ids, parameters);
-  std::vector<Marker> markers;
-  for (std::size_t i = 0; i < ids.size(); ++i) {
-    Marker marker{ids[i], {}};
-    for (std::size_t k = 0; k < 4; ++k) {
-      const double x = corners[i][k].x;
-      marker.corners[k] = {mirrored ? image.width - 1 - x : x, corners[i][k].y};
-    }
-    markers.push_back(marker);
-  }
-  return markers;
-}
-
-/// A plane-to-image homography and how well it fits.
-struct Homography {
-  Eigen::Matrix3d image_from_plane;
-
-  Eigen::Vector2d operator*(const Eigen::Vector2d& p) const {
-    return (image_from_plane * p.homogeneous()).hnormalized();
-  }
-  /// Derivative: image displacement per unit along x and y.
-  Eigen::Matrix2d JacobianAt(const Eigen::Vector2d& p) const {
-    const Eigen::Vector3d h = image_from_plane * p.homogeneous();
-    return (image_from_plane.topLeftCorner<2, 2>() -
-            h.hnormalized() * image_from_plane.row(2).head<2>()) /
-           h.z();
-  }
-};
-
-/// Homography through the corners of markers at known places in a plane; `inlier` tells which
-/// markers agree within `tolerance_px`. Empty if fewer than `min_markers` do.
-std::optional<Homography> FitPlane(const std::vector<Marker>& markers,
-                                   const std::vector<Quad>& in_plane, double tolerance_px,
-                                   int min_markers, std::vector<bool>& inlier) {
-  if (static_cast<int>(markers.size()) < min_markers) return {};
-  std::vector<cv::Point2d> plane, image;
-  for (std::size_t i = 0; i < markers.size(); ++i) {
-    for (std::size_t k = 0; k < 4; ++k) {
-      plane.emplace_back(in_plane[i][k].x(), in_plane[i][k].y());
-      image.emplace_back(markers[i].corners[k].x(), markers[i].corners[k].y());
-    }
-  }
-  const cv::Mat found = cv::findHomography(plane, image, cv::RANSAC, tolerance_px);
-  if (found.empty()) return {};
-  Homography homography;
-  for (int r = 0; r < 3; ++r) {
-    for (int c = 0; c < 3; ++c) homography.image_from_plane(r, c) = found.at<double>(r, c);
-  }
-  inlier.assign(markers.size(), true);
-  int count = 0;
-  for (std::size_t i = 0; i < markers.size(); ++i) {
-    for (std::size_t k = 0; k < 4; ++k) {
-      const double miss = (homography * in_plane[i][k] - markers[i].corners[k]).norm();
-      if (!(miss < 1.5 * tolerance_px)) inlier[i] = false;
-    }
-    count += inlier[i];
-  }
-  if (count < min_markers) return {};
-  return homography;
-}
 
 /// Corners of marker `number` of a face in the board plane, in units of squares. Markers sit on the
 /// white squares (column + row odd), row by row.
@@ -231,14 +146,14 @@ ViewObservations DetectInImage(const ImageU8& sharp, const DetectTarget& target,
     cv::GaussianBlur(pixels, pixels, {}, options.blur_px);
   }
   const ImageU8& image = options.blur_px > 0 ? smooth : sharp;
-  const std::vector<Marker> markers = FindMarkers(image, false);
+  const std::vector<Marker> markers = FindMarkers(image, false, cv::aruco::DICT_5X5_250);
   int first_point = 0;
   for (const CharucoFace& face : target.body.faces) {
     DetectFace(image, face, first_point, markers, options, view.target);
     first_point += (face.squares_x - 1) * (face.squares_y - 1);
   }
   std::vector<Marker> flipped;
-  if (mirrored_fiducials || view.target.empty()) flipped = FindMarkers(image, true);
+  if (mirrored_fiducials || view.target.empty()) flipped = FindMarkers(image, true, cv::aruco::DICT_5X5_250);
   view.mirrored_target = view.target.empty() && CountOf(target.body, flipped) >= kMirroredMarkers;
   DetectFiducials(image, target.fiducials, mirrored_fiducials ? flipped : markers, options,
                   view.fiducials);

@@ -9,7 +9,7 @@
 namespace sole::contact {
 
 FrameContact LabelContact(const Eigen::MatrixX3d& vertices_m, const Eigen::VectorXd& vertex_sd_m,
-                          const GroundPlane& ground) {
+                          const GroundPlane& ground, const GroundSurface& calibrated) {
   const Eigen::Index n = vertices_m.rows();
   Require(vertex_sd_m.size() == n, "contact: " + std::to_string(vertex_sd_m.size()) +
                                        " standard deviations for " + std::to_string(n) + " vertices");
@@ -19,7 +19,7 @@ FrameContact LabelContact(const Eigen::MatrixX3d& vertices_m, const Eigen::Vecto
   labels.gap_m = Eigen::VectorXd::Constant(n, std::nan(""));
   for (Eigen::Index i = 0; i < n; ++i) {
     if (!vertices_m.row(i).allFinite()) continue;
-    const double gap = Gap(ground, vertices_m.row(i).transpose());
+    const double gap = Gap(ground, vertices_m.row(i).transpose(), calibrated);
     const double sigma = std::max(std::hypot(vertex_sd_m[i], ground.sigma_m), 1e-9);
     labels.gap_m[i] = gap;
     labels.contact[static_cast<std::size_t>(i)] = gap < kContactGap_m;

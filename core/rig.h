@@ -1,11 +1,13 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include <Eigen/Core>
 
 #include "core/camera.h"
+#include "core/ground_surface.h"
 #include "core/plate.h"
 
 namespace sole {
@@ -58,6 +60,7 @@ struct Calibration {
   CalibrationStats stats;
   Eigen::MatrixXd covariance;
   std::string created;  ///< ISO 8601, UTC
+  std::optional<GroundSurface> ground;  ///< where a sheet on the glass has shown it
 };
 
 }  // namespace sole

@@ -94,6 +94,13 @@ struct TargetConfig {
   double marker_m = 0.0135;
 };
 
+/// The speckled sheet that is laid on the glass to find its top, printed alike on both sides.
+struct SheetConfig {
+  double size_x_m = 0.18;
+  double size_y_m = 0.36;
+  double thickness_m = 0.0001;  ///< cameras above see its upper side
+};
+
 /// One speckle projector of the simulated rig.
 struct ProjectorConfig {
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
@@ -119,6 +126,7 @@ struct RigConfig {
   DiskConfig disk;
   PlateConfig plate;
   TargetConfig target;
+  SheetConfig sheet;
   SimulationConfig simulation;
 };
 

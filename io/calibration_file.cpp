@@ -9,7 +9,7 @@
 namespace sole::io {
 namespace {
 
-constexpr int kVersion = 2;
+constexpr int kVersion = 3;
 constexpr std::array kIntrinsicNames{"fx_px", "fy_px", "cx_px", "cy_px", "k1",
                                      "k2",    "p1",    "p2",    "k3"};
 static_assert(kIntrinsicNames.size() == kNumIntrinsics);
@@ -135,6 +135,68 @@ CalibrationStats StatsFromJson(const Json& json, const std::string& where, int v
   return stats;
 }
 
+Json GroundToJson(const GroundSurface& ground) {
+  Json marks = Json::array();
+  for (const GroundMark& mark : ground.marks) {
+    marks.push_back(
+        {{"id", mark.id}, {"point_m", NumbersToJson(mark.point_m)}, {"sigma_m", mark.sigma_m}});
+  }
+  return {{"created", ground.created},
+          {"plane",
+           {{"offset_m", ground.plane.offset_m},
+            {"slope_x", ground.plane.slope_x},
+            {"slope_y", ground.plane.slope_y}}},
+          {"grid",
+           {{"first_node_m", NumbersToJson(ground.first_node_m)},
+            {"spacing_m", ground.spacing_m},
+            {"nodes_x", ground.nodes_x},
+            {"nodes_y", ground.nodes_y},
+            {"residual_m", NumbersToJson(ground.residual_m)},
+            {"sigma_m", NumbersToJson(ground.sigma_m)}}},
+          {"marks", marks},
+          {"rms_m", ground.rms_m},
+          {"points", ground.points},
+          {"sheet_thickness_m", ground.sheet_thickness_m}};
+}
+
+double FiniteFrom(const Json& json, const char* key, const std::string& where) {
+  const double value = Get<double>(json, key, where);
+  Require(std::isfinite(value), where + ": key '" + key + "' must be finite");
+  return value;
+}
+
+GroundSurface GroundFromJson(const Json& json, const std::string& where) {
+  constexpr int kMostNodes = 10000;  // along one side
+  GroundSurface ground;
+  ground.created = Get<std::string>(json, "created", where);
+  const Json& plane = Member(json, "plane", where);
+  ground.plane = {FiniteFrom(plane, "offset_m", where), FiniteFrom(plane, "slope_x", where),
+                  FiniteFrom(plane, "slope_y", where)};
+  const Json& grid = Member(json, "grid", where);
+  const std::vector<double> first = NumbersFrom(grid, "first_node_m", where, 2);
+  ground.first_node_m = {first[0], first[1]};
+  ground.spacing_m = FiniteFrom(grid, "spacing_m", where);
+  ground.nodes_x = Get<int>(grid, "nodes_x", where);
+  ground.nodes_y = Get<int>(grid, "nodes_y", where);
+  const bool none = ground.nodes_x == 0 && ground.nodes_y == 0;
+  Require(none || (ground.nodes_x >= 2 && ground.nodes_y >= 2 && ground.nodes_x <= kMostNodes &&
+                   ground.nodes_y <= kMostNodes && ground.spacing_m > 0),
+          where + ": grid needs a spacing_m above 0 and two nodes or more each way");
+  const auto nodes =
+      static_cast<std::size_t>(ground.nodes_x) * static_cast<std::size_t>(ground.nodes_y);
+  ground.residual_m = NumbersFrom(grid, "residual_m", where, nodes);
+  ground.sigma_m = NumbersFrom(grid, "sigma_m", where, nodes);
+  for (const Json& entry : ListFrom(json, "marks", where)) {
+    const std::vector<double> point = NumbersFrom(entry, "point_m", where, 3);
+    ground.marks.push_back({Get<int>(entry, "id", where), {point[0], point[1], point[2]},
+                            FiniteFrom(entry, "sigma_m", where)});
+  }
+  ground.rms_m = FiniteFrom(json, "rms_m", where);
+  ground.points = Get<int>(json, "points", where);
+  ground.sheet_thickness_m = FiniteFrom(json, "sheet_thickness_m", where);
+  return ground;
+}
+
 Eigen::MatrixXd CovarianceFromJson(const Json& json, const std::string& where,
                                    std::size_t cameras) {
   const std::size_t size = ListFrom(json, "covariance", where).empty() ? 0 : 15 * cameras + 1;
@@ -199,6 +261,7 @@ void WriteCalibration(const std::filesystem::path& path, const Calibration& cali
             {"cameras", cameras},
             {"pairs", pairs},
             {"stats", StatsToJson(calibration.stats)}};
+  if (calibration.ground) json["ground"] = GroundToJson(*calibration.ground);
   std::string text = FormatJson(json);
   // The covariance is long: one line, not one number a line.
   text.erase(text.size() - 3);
@@ -220,6 +283,8 @@ Calibration ReadCalibration(const std::filesystem::path& path) {
   calibration.rig = RigFromJson(json, where);
   calibration.stats = StatsFromJson(Member(json, "stats", where), where + ": stats", version);
   calibration.covariance = CovarianceFromJson(json, where, calibration.rig.cameras.size());
+  if (json.contains("ground"))
+    calibration.ground = GroundFromJson(json["ground"], where + ": ground");
   return calibration;
 }
 

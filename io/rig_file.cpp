@@ -173,6 +173,15 @@ void ReadTarget(TomlTable& top, TargetConfig& target) {
   }
 }
 
+void ReadSheet(TomlTable& top, SheetConfig& sheet) {
+  for (TomlTable& table : top.Table("sheet")) {
+    table.Read("size_x_m", sheet.size_x_m, kPositive);
+    table.Read("size_y_m", sheet.size_y_m, kPositive);
+    table.Read("thickness_m", sheet.thickness_m, {0, 0.01});
+    table.Finish();
+  }
+}
+
 FaultConfig ReadFault(TomlTable table) {
   std::string name, camera, unit;
   int trigger = 0;
@@ -312,6 +321,7 @@ RigConfig ParseRig(const std::string& toml, const std::string& name) {
   ReadDisk(top, config.disk);
   ReadPlate(top, config.plate);
   ReadTarget(top, config.target);
+  ReadSheet(top, config.sheet);
   ReadCameras(top, config);
   ReadSimulation(top, config.simulation);
   top.Finish();
@@ -349,6 +359,9 @@ std::string FormatRig(const RigConfig& config) {
   text += fmt::format("\n[target]\nedge_m = {}\nsquares = {}\nsquare_m = {}\nmarker_m = {}\n",
                       Float(target.edge_m), target.squares, Float(target.square_m),
                       Float(target.marker_m));
+  text += "\n[sheet]\n" + Lines({{"size_x_m", Float(config.sheet.size_x_m)},
+                                 {"size_y_m", Float(config.sheet.size_y_m)},
+                                 {"thickness_m", Float(config.sheet.thickness_m)}});
   for (const CameraConfig& camera : config.cameras) text += FormatCamera(camera);
   for (const PairConfig& pair : config.pairs) {
     text += fmt::format("\n[[pair]]\nname = {}\nleft = {}\nright = {}\n", Quoted(pair.name),

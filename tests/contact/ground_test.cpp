@@ -54,6 +54,44 @@ TEST(EstimateGround, IgnoresAFootThatSlippedIntoThePlatformPoints) {
   EXPECT_NEAR(found.offset_m, 0, 2e-5);
 }
 
+/// A calibrated surface 0.2 mm above z = 0 whose fiducials lie 0.05 mm above z = 0, a bump in its middle.
+GroundSurface Calibrated() {
+  GroundSurface surface;
+  surface.plane = {2e-4, 1e-4, 0};
+  surface.first_node_m = {-0.1, -0.1};
+  surface.spacing_m = 0.1;
+  surface.nodes_x = surface.nodes_y = 3;
+  surface.residual_m = {0, 0, 0, 0, 8e-5, 0, 0, 0, 0};
+  surface.sigma_m.assign(9, 1e-6);
+  for (const double y : {-0.13, 0.13}) {
+    for (const double x : {-0.105, 0.105}) surface.marks.push_back({0, {x, y, 5e-5}, 2e-6});
+  }
+  return surface;
+}
+
+TEST(EstimateGround, MovesTheCalibratedSurfaceAsUncoveredGlassMoved) {
+  // Uncovered glass is 0.03 mm lower than the fiducials were: so is the ground.
+  GroundPlane seen;
+  seen.offset_m = 2e-5;
+  seen.slope_y = 1e-4;
+  const GroundPlane found = EstimateGround(Platform(4000, 800, seen, 3e-5), Calibrated());
+  EXPECT_NEAR(found.offset_m, 2e-4 - 3e-5, 6e-6);
+  EXPECT_NEAR(found.slope_x, 1e-4, 6e-5);
+  EXPECT_NEAR(found.slope_y, 1e-4, 6e-5);
+  const GroundPlane kept = EstimateGround(Platform(10, 0, {}, 3e-5), Calibrated());
+  EXPECT_EQ(kept.offset_m, 2e-4);
+  EXPECT_EQ(kept.slope_x, 1e-4);
+  EXPECT_EQ(kept.points, 0);
+}
+
+TEST(Gap, CountsTheCalibratedResidual) {
+  GroundPlane ground;
+  ground.offset_m = 1e-4;
+  EXPECT_NEAR(Gap(ground, {0, 0, 0.001}, Calibrated()), 0.001 - 1e-4 - 8e-5, 1e-12);
+  EXPECT_NEAR(Gap(ground, {0.05, 0, 0.001}, Calibrated()), 0.001 - 1e-4 - 4e-5, 1e-12);
+  EXPECT_NEAR(Gap(ground, {0.1, 0.1, 0.001}, Calibrated()), 0.001 - 1e-4, 1e-12);
+}
+
 TEST(Gap, IsThePerpendicularDistanceToATiltedGround) {
   GroundPlane ground;
   ground.offset_m = 0.001;

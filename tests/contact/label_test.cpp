@@ -21,6 +21,18 @@ TEST(LabelContact, SplitsAtATenthOfAMillimetreAboveTheLocalGround) {
   EXPECT_EQ(labels.probability[4], 0);
 }
 
+TEST(LabelContact, CountsTheCalibratedResidual) {
+  Eigen::MatrixX3d vertices(2, 3);
+  vertices << 0, 0, 0.00015, 0.1, 0, 0.00015;
+  GroundSurface calibrated;
+  calibrated.spacing_m = 0.1;
+  calibrated.nodes_x = calibrated.nodes_y = 2;
+  calibrated.residual_m = {0.0001, 0, 0.0001, 0};  // a bump at x = 0
+  const FrameContact labels = LabelContact(vertices, Eigen::VectorXd::Constant(2, 2e-5), {}, calibrated);
+  EXPECT_EQ(labels.contact, (std::vector<std::uint8_t>{1, 0}));
+  EXPECT_NEAR(labels.gap_m[0], 0.00005, 1e-9);
+}
+
 TEST(LabelContact, ProbabilityIsTheNormalTailOfBothUncertainties) {
   const Eigen::MatrixX3d vertices = Eigen::RowVector3d(0, 0, 0.00015);
   GroundPlane ground;

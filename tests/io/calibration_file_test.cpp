@@ -91,6 +91,79 @@ TEST(Calibration, WorksWithoutACovariance) {
   EXPECT_EQ(ReadCalibration(dir / "cal.json").covariance.size(), 0);
 }
 
+TEST(Calibration, GroundRoundTripsExactly) {
+  const TempDir dir;
+  Calibration written = MakeCalibration();
+  WriteCalibration(dir / "without.json", written);
+  EXPECT_FALSE(ReadCalibration(dir / "without.json").ground);
+  written.ground = GroundSurface{.plane = {1e-5, 1.0 / 3e4, -2e-5},
+                                 .first_node_m = {-0.09, -1.0 / 6},
+                                 .spacing_m = 0.02,
+                                 .nodes_x = 3,
+                                 .nodes_y = 2,
+                                 .residual_m = {1e-6, 2e-6, 3e-6, 4e-6, 5e-6, 1.0 / 7e5},
+                                 .sigma_m = {1e-7, 1e-7, 1e-7, 2e-7, 2e-7, 3e-7},
+                                 .marks = {{204, {0.1, 0.2, 1.0 / 3e5}, 2e-6}},
+                                 .rms_m = 1.5e-5,
+                                 .points = 1234,
+                                 .sheet_thickness_m = 0.0001,
+                                 .created = "2026-01-02T03:04:06Z"};
+  WriteCalibration(dir / "cal.json", written);
+  const auto read = ReadCalibration(dir / "cal.json").ground;
+  ASSERT_TRUE(read);
+  EXPECT_EQ(read->plane.offset_m, 1e-5);
+  EXPECT_EQ(read->plane.slope_x, 1.0 / 3e4);
+  EXPECT_EQ(read->plane.slope_y, -2e-5);
+  EXPECT_EQ(read->first_node_m, written.ground->first_node_m);
+  EXPECT_EQ(read->spacing_m, 0.02);
+  EXPECT_EQ(read->nodes_x, 3);
+  EXPECT_EQ(read->nodes_y, 2);
+  EXPECT_EQ(read->residual_m, written.ground->residual_m);
+  EXPECT_EQ(read->sigma_m, written.ground->sigma_m);
+  ASSERT_EQ(read->marks.size(), 1U);
+  EXPECT_EQ(read->marks[0].id, 204);
+  EXPECT_EQ(read->marks[0].point_m, written.ground->marks[0].point_m);
+  EXPECT_EQ(read->marks[0].sigma_m, 2e-6);
+  EXPECT_EQ(read->rms_m, 1.5e-5);
+  EXPECT_EQ(read->points, 1234);
+  EXPECT_EQ(read->sheet_thickness_m, 0.0001);
+  EXPECT_EQ(read->created, "2026-01-02T03:04:06Z");
+}
+
+TEST(ReadCalibration, FilesOfEarlierVersionsHaveNoGround) {
+  const TempDir dir;
+  WriteCalibration(dir / "c.json", MakeCalibration());
+  std::string text = ReadFile(dir / "c.json");
+  text.replace(text.find("\"version\": 3"), 12, "\"version\": 2");
+  WriteStringAtomically(dir / "c.json", text);
+  const Calibration read = ReadCalibration(dir / "c.json");
+  EXPECT_FALSE(read.ground);
+  EXPECT_EQ(read.stats.heldout_points, 90);
+}
+
+TEST(ReadCalibration, ChecksTheGroundsGrid) {
+  const TempDir dir;
+  Calibration calibration = MakeCalibration();
+  GroundSurface& ground = calibration.ground.emplace();
+  ground.spacing_m = 0.02;
+  ground.nodes_x = ground.nodes_y = 2;
+  ground.residual_m = ground.sigma_m = {0, 0, 0, 0};
+  WriteCalibration(dir / "c.json", calibration);
+  const std::string good = ReadFile(dir / "c.json");
+  const auto with = [&](const std::string& from, const std::string& to) {
+    std::string text = good;
+    text.replace(text.find(from), from.size(), to);
+    WriteStringAtomically(dir / "c.json", text);
+    return ErrorOf([&] { ReadCalibration(dir / "c.json"); });
+  };
+  EXPECT_THAT(with("\"nodes_x\": 2", "\"nodes_x\": 3"),
+              HasSubstr("ground: key 'residual_m' must be a list of 6 numbers"));
+  EXPECT_THAT(with("\"nodes_x\": 2", "\"nodes_x\": -2"), HasSubstr("two nodes or more"));
+  EXPECT_THAT(with("\"nodes_x\": 2", "\"nodes_x\": 2000000000"), HasSubstr("two nodes or more"));
+  EXPECT_THAT(with("\"spacing_m\": 0.02", "\"spacing_m\": 0"), HasSubstr("spacing_m above 0"));
+  EXPECT_THAT(with("\"offset_m\"", "\"height_m\""), HasSubstr("key 'offset_m' is missing"));
+}
+
 TEST(WriteCalibration, RefusesValuesThatAreNotFiniteAndWrongSizes) {
   const TempDir dir;
   Calibration calibration = MakeCalibration();
@@ -115,8 +188,8 @@ TEST(ReadCalibration, NamesWhatIsWrong) {
     WriteStringAtomically(dir / "c.json", text);
     return ErrorOf([&] { ReadCalibration(dir / "c.json"); });
   };
-  EXPECT_THAT(with("\"version\": 2", "\"version\": 3"),
-              HasSubstr("c.json: format version 3 is unknown"));
+  EXPECT_THAT(with("\"version\": 3", "\"version\": 4"),
+              HasSubstr("c.json: format version 4 is unknown"));
   EXPECT_THAT(with("\"fx_px\"", "\"fx\""), HasSubstr("c.json: camera 0: key 'fx_px' is missing"));
   EXPECT_THAT(with("\"width\": 1624", "\"width\": 0"),
               HasSubstr("camera 0: width and height must be positive"));

@@ -64,6 +64,7 @@ TEST(FormatRig, RoundTripsEveryFieldExactly) {
   config.plate.thickness_m = 0.0151;
   config.plate.index = 1.5203;
   config.target = {0.2, 7, 0.025, 0.01875};
+  config.sheet = {0.2, 0.1 + 0.2, 0.000125};
   config.simulation.noise = 0.1;
   config.simulation.faults = {MakeFault("fog", config.cameras[2].serial, 0.3, "", 4),
                               MakeFault("bumped-camera", "", 0.1, "deg"), MakeFault("reboot")};
@@ -95,6 +96,8 @@ TEST(FormatRig, RoundTripsEveryFieldExactly) {
   EXPECT_EQ(read.plate.fiducials.size(), config.plate.fiducials.size());
   EXPECT_EQ(read.plate.fiducials[4].centre_m, config.plate.fiducials[4].centre_m);
   EXPECT_EQ(read.target.marker_m, config.target.marker_m);
+  EXPECT_EQ(read.sheet.size_y_m, config.sheet.size_y_m);
+  EXPECT_EQ(read.sheet.thickness_m, 0.000125);
   EXPECT_EQ(read.simulation.projectors.size(), config.simulation.projectors.size());
   ASSERT_EQ(read.simulation.faults.size(), 3U);
   EXPECT_EQ(read.simulation.faults[0].camera, config.cameras[2].serial);
