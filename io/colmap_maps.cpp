@@ -63,15 +63,15 @@ Planes Read(const fs::path& path, std::size_t channels) {
 /// corner of the first pixel, not its centre. The models of workspaces are moved to agree.
 const Eigen::Vector2d kHalfPixel(0.5, 0.5);
 
-/// Where the views see about a thousand of the points.
-std::vector<ColmapPoint> Tracks(const std::vector<ColmapDenseView>& views, const PointCloud& cloud) {
+/// Adds about a thousand of the points, where the views see them.
+void AddTracks(const std::vector<ColmapDenseView>& views, const PointCloud& cloud, ColmapModel& model) {
   constexpr std::size_t kPoints = 1000;
   constexpr double kAgreement = 0.005;  // of the depth
-  std::vector<ColmapPoint> points;
   for (std::size_t i = 0; i < cloud.Size(); i += std::max<std::size_t>(1, cloud.Size() / kPoints)) {
-    ColmapPoint point{.point_m = cloud.points_m[i].cast<double>(), .grey = 128, .seen = {}};
+    ColmapPoint point{cloud.points_m[i].cast<double>(), 128};
     if (!cloud.intensity.empty())
       point.grey = static_cast<int>(std::clamp(cloud.intensity[i], 0.0F, 255.0F));
+    std::vector<std::pair<std::size_t, Eigen::Vector2d>> seen;
     for (std::size_t v = 0; v < views.size(); ++v) {
       const Camera& camera = views[v].view.camera;
       const Eigen::Vector3d p = camera.cam_from_world * point.point_m;
@@ -82,12 +82,13 @@ std::vector<ColmapPoint> Tracks(const std::vector<ColmapDenseView>& views, const
         continue;
       const auto depth = static_cast<double>(views[v].depth_m.At(
           static_cast<int>(nearest.x()), static_cast<int>(nearest.y())));
-      if (std::abs(depth - p.z()) < kAgreement * p.z())
-        point.seen.push_back({static_cast<int>(v), px - kHalfPixel});
+      if (std::abs(depth - p.z()) < kAgreement * p.z()) seen.emplace_back(v, px - kHalfPixel);
     }
-    if (point.seen.size() >= 2) points.push_back(std::move(point));
+    if (seen.size() < 2) continue;
+    for (const auto& [v, pixel] : seen)
+      model.images[v].pixels.push_back({pixel, static_cast<int>(model.points.size())});
+    model.points.push_back(point);
   }
-  return points;
 }
 
 }  // namespace
@@ -130,7 +131,7 @@ std::vector<Eigen::Vector3f> ReadColmapNormalMap(const fs::path& path, int& widt
 
 void WriteColmapWorkspace(const fs::path& folder, const std::vector<ColmapDenseView>& views,
                           const PointCloud& points) {
-  std::vector<ColmapView> model;
+  std::vector<ColmapView> pinholes;
   std::string names;
   for (const ColmapDenseView& dense : views) {
     const Camera& camera = dense.view.camera;
@@ -139,11 +140,13 @@ void WriteColmapWorkspace(const fs::path& folder, const std::vector<ColmapDenseV
                 dense.depth_m.height == camera.height,
             folder.string() + ": the views of a dense workspace are pinholes with maps of their "
                               "image's size");
-    model.push_back(dense.view);
-    model.back().camera.intrinsics.segment<2>(2) -= kHalfPixel;
+    pinholes.push_back(dense.view);
+    pinholes.back().camera.intrinsics.segment<2>(2) -= kHalfPixel;
     names += dense.view.image + "\n";
   }
-  WriteColmapModel(folder / "sparse", model, Tracks(views, points));
+  ColmapModel model = ModelOfViews(pinholes);
+  AddTracks(views, points, model);
+  WriteColmapModel(folder / "sparse", model);
   const fs::path depths = folder / "stereo" / "depth_maps", normals = folder / "stereo" / "normal_maps";
   for (const fs::path& sub : {folder / "images", depths, normals}) MakeDirectory(sub);
   for (const ColmapDenseView& dense : views) {

@@ -2,10 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
-#include <map>
-#include <sstream>
-
 #include "core/error.h"
 #include "io/atomic_file.h"
 
@@ -24,136 +20,74 @@ std::string CameraLine(std::size_t id, const Camera& camera) {
   return line + "\n";
 }
 
-std::string ImageLines(std::size_t id, const ColmapView& view, const std::string& pixels) {
-  const Eigen::Quaterniond& q = view.camera.cam_from_world.rotation;
-  const Eigen::Vector3d& t = view.camera.cam_from_world.translation;
-  return fmt::format("{} {} {} {} {} {} {} {} {} {}\n{}\n", id, q.w(), q.x(), q.y(), q.z(), t.x(),
-                     t.y(), t.z(), id, view.image, pixels);
-}
-
-/// Lines that are no comments, with their numbers.
-struct Line {
-  std::string where;
-  std::string text;
-};
-std::vector<Line> ReadLines(const fs::path& path) {
-  std::istringstream stream(ReadFile(path));
-  std::vector<Line> lines;
-  std::string text;
-  for (int number = 1; std::getline(stream, text); ++number) {
-    if (!text.empty() && text.back() == '\r') text.pop_back();
-    if (text.starts_with('#')) continue;
-    lines.push_back({path.string() + ":" + std::to_string(number), text});
+std::string ImageLines(std::size_t id, const ColmapImage& image) {
+  const Eigen::Quaterniond& q = image.cam_from_world.rotation;
+  const Eigen::Vector3d& t = image.cam_from_world.translation;
+  std::string lines = fmt::format("{} {} {} {} {} {} {} {} {} {}\n", id, q.w(), q.x(), q.y(), q.z(),
+                                  t.x(), t.y(), t.z(), image.camera + 1, image.name);
+  for (std::size_t i = 0; i < image.pixels.size(); ++i) {
+    const ColmapPixel& seen = image.pixels[i];
+    lines += fmt::format("{}{} {} {}", i == 0 ? "" : " ", seen.pixel.x() + 0.5,
+                         seen.pixel.y() + 0.5, seen.point < 0 ? -1 : seen.point + 1);
   }
-  return lines;
-}
-
-/// Positions of a model's parameters in [fx fy cx cy k1 k2 p1 p2 k3]; -1: must be zero.
-const std::map<std::string, std::vector<int>>& Models() {
-  static const std::map<std::string, std::vector<int>> models{
-      {"SIMPLE_PINHOLE", {0, 2, 3}},
-      {"PINHOLE", {0, 1, 2, 3}},
-      {"SIMPLE_RADIAL", {0, 2, 3, 4}},
-      {"RADIAL", {0, 2, 3, 4, 5}},
-      {"OPENCV", {0, 1, 2, 3, 4, 5, 6, 7}},
-      {"FULL_OPENCV", {0, 1, 2, 3, 4, 5, 6, 7, 8, -1, -1, -1}}};
-  return models;
-}
-
-Camera ParseCamera(const Line& line) {
-  std::istringstream words(line.text);
-  Camera camera;
-  std::string model;
-  words >> camera.serial >> model >> camera.width >> camera.height;
-  Require(!words.fail() && camera.width > 0 && camera.height > 0,
-          line.where + ": is not a camera: id, model, width, height, parameters");
-  const auto known = Models().find(model);
-  Require(known != Models().end(),
-          line.where + ": camera model " + model + " is not known: convert it to OPENCV");
-  for (const int place : known->second) {
-    double value = 0;
-    words >> value;
-    Require(!words.fail() && std::isfinite(value), line.where + ": parameters are missing");
-    Require(place >= 0 || value == 0,
-            line.where + ": distortion beyond k3 is not known: convert it to OPENCV");
-    if (place >= 0) camera.intrinsics[place] = value;
-  }
-  if (known->second[1] != 1) camera.intrinsics[1] = camera.intrinsics[0];
-  camera.intrinsics[2] -= 0.5;
-  camera.intrinsics[3] -= 0.5;
-  return camera;
+  return lines + "\n";
 }
 
 }  // namespace
 
-void WriteColmapModel(const fs::path& folder, const std::vector<ColmapView>& views,
-                      const std::vector<ColmapPoint>& points) {
-  std::string cloud = "# POINT3D_ID X Y Z R G B ERROR TRACK (IMAGE_ID POINT2D_INDEX ...), metres\n";
-  std::vector<std::string> pixels(views.size());
-  std::vector<int> counts(views.size(), 0);
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const ColmapPoint& p = points[i];
-    cloud += fmt::format("{} {} {} {} {} {} {} 0", i + 1, p.point_m.x(), p.point_m.y(),
-                         p.point_m.z(), p.grey, p.grey, p.grey);
-    for (const ColmapPoint::Observation& seen : p.seen) {
-      Require(seen.view >= 0 && seen.view < static_cast<int>(views.size()),
-              folder.string() + ": a point is seen by a view that the model does not have");
-      const auto view = static_cast<std::size_t>(seen.view);
-      cloud += fmt::format(" {} {}", view + 1, counts[view]++);
-      pixels[view] += fmt::format("{}{} {} {}", pixels[view].empty() ? "" : " ",
-                                  seen.pixel.x() + 0.5, seen.pixel.y() + 0.5, i + 1);
-    }
-    cloud += '\n';
+ColmapModel ModelOfViews(const std::vector<ColmapView>& views) {
+  ColmapModel model;
+  for (const ColmapView& view : views) {
+    model.images.push_back(
+        {view.image, static_cast<int>(model.cameras.size()), view.camera.cam_from_world, {}});
+    model.cameras.push_back(view.camera);
   }
+  return model;
+}
+
+std::vector<ColmapView> ViewsOf(const ColmapModel& model) {
+  std::vector<ColmapView> views;
+  for (const ColmapImage& image : model.images) {
+    views.push_back({model.cameras.at(static_cast<std::size_t>(image.camera)), image.name});
+    views.back().camera.cam_from_world = image.cam_from_world;
+  }
+  return views;
+}
+
+void WriteColmapModel(const fs::path& folder, const ColmapModel& model) {
   std::string cameras = "# CAMERA_ID MODEL WIDTH HEIGHT PARAMS\n";
+  for (std::size_t c = 0; c < model.cameras.size(); ++c)
+    cameras += CameraLine(c + 1, model.cameras[c]);
   std::string images =
       "# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, metres; next line: X Y POINT3D_ID ...\n";
-  for (std::size_t i = 0; i < views.size(); ++i) {
-    const std::string& name = views[i].image;
-    Require(!name.empty() && name.find_first_of(" \t\r\n") == std::string::npos,
-            folder.string() + ": COLMAP's text models know no image name '" + name +
+  std::vector<std::string> tracks(model.points.size());
+  for (std::size_t i = 0; i < model.images.size(); ++i) {
+    const ColmapImage& image = model.images[i];
+    Require(!image.name.empty() && image.name.find_first_of(" \t\r\n") == std::string::npos,
+            folder.string() + ": COLMAP's text models know no image name '" + image.name +
                 "': use one without spaces");
-    cameras += CameraLine(i + 1, views[i].camera);
-    images += ImageLines(i + 1, views[i], pixels[i]);
+    Require(image.camera >= 0 && image.camera < static_cast<int>(model.cameras.size()),
+            folder.string() + ": image " + image.name + " is of a camera that the model does not have");
+    images += ImageLines(i + 1, image);
+    for (std::size_t k = 0; k < image.pixels.size(); ++k) {
+      const int point = image.pixels[k].point;
+      if (point < 0) continue;
+      Require(point < static_cast<int>(tracks.size()),
+              folder.string() + ": image " + image.name + " sees a point that the model does not have");
+      tracks[static_cast<std::size_t>(point)] += fmt::format(" {} {}", i + 1, k);
+    }
+  }
+  std::string points = "# POINT3D_ID X Y Z R G B ERROR TRACK (IMAGE_ID POINT2D_INDEX ...), metres\n";
+  for (std::size_t i = 0; i < model.points.size(); ++i) {
+    const Eigen::Vector3d& p = model.points[i].point_m;
+    const int grey = model.points[i].grey;
+    points += fmt::format("{} {} {} {} {} {} {} 0{}\n", i + 1, p.x(), p.y(), p.z(), grey, grey, grey,
+                          tracks[i]);
   }
   MakeDirectory(folder);
   WriteStringAtomically(folder / "cameras.txt", cameras);
   WriteStringAtomically(folder / "images.txt", images);
-  WriteStringAtomically(folder / "points3D.txt", cloud);
-}
-
-std::vector<ColmapView> ReadColmapModel(const fs::path& folder) {
-  std::map<std::string, Camera> cameras;
-  for (const Line& line : ReadLines(folder / "cameras.txt")) {
-    if (line.text.empty()) continue;
-    const Camera camera = ParseCamera(line);
-    Require(cameras.emplace(camera.serial, camera).second,
-            line.where + ": camera " + camera.serial + " is there twice");
-  }
-  std::map<long, ColmapView> views;
-  const std::vector<Line> lines = ReadLines(folder / "images.txt");
-  for (std::size_t i = 0; i < lines.size(); i += 2) {  // every other line lists 2-D points
-    if (lines[i].text.empty()) continue;
-    std::istringstream words(lines[i].text);
-    long id = 0;
-    Eigen::Vector4d q;
-    Eigen::Vector3d t;
-    ColmapView view;
-    std::string camera;
-    words >> id >> q[0] >> q[1] >> q[2] >> q[3] >> t[0] >> t[1] >> t[2] >> camera >> view.image;
-    Require(!words.fail() && q.allFinite() && t.allFinite() && std::abs(q.norm() - 1) < 0.01,
-            lines[i].where + ": is not an image: id, unit quaternion, translation, camera, name");
-    const auto found = cameras.find(camera);
-    Require(found != cameras.end(), lines[i].where + ": camera " + camera + " is not in cameras.txt");
-    view.camera = found->second;
-    view.camera.cam_from_world.rotation = Eigen::Quaterniond(q[0], q[1], q[2], q[3]).normalized();
-    view.camera.cam_from_world.translation = t;
-    Require(views.emplace(id, view).second,
-            lines[i].where + ": image " + std::to_string(id) + " is there twice");
-  }
-  std::vector<ColmapView> result;
-  for (auto& [id, view] : views) result.push_back(std::move(view));
-  return result;
+  WriteStringAtomically(folder / "points3D.txt", points);
 }
 
 }  // namespace sole::io

@@ -43,8 +43,11 @@ class Colmap : public testing::Test {
 TEST_F(Colmap, ConvertsOurModelAndWeReadItBack) {
   std::vector<io::ColmapView> views;
   for (const Camera& camera : rig.cameras) views.push_back({camera, camera.serial + ".png"});
-  io::WriteColmapModel(folder / "text", views,
-                       {{{0.1, 0.2, 0.3}, 128, {}}, {{0, 0, 0}, 99, {{0, {400, 300}}, {1, {410, 310}}}}});
+  io::ColmapModel model = io::ModelOfViews(views);
+  model.points = {{{0.1, 0.2, 0.3}, 128}, {{0, 0, 0}, 99}};
+  model.images[0].pixels = {{{400, 300}, 1}, {{7, 8}, -1}};
+  model.images[1].pixels = {{{410, 310}, 1}};
+  io::WriteColmapModel(folder / "text", model);
   for (const char* sub : {"binary", "back"}) fs::create_directory(folder / sub);
   const auto convert = [&](const std::string& from, const std::string& to, const std::string& type) {
     return RunColmap("model_converter --input_path " + (folder / from).string() + " --output_path " +
@@ -54,13 +57,20 @@ TEST_F(Colmap, ConvertsOurModelAndWeReadItBack) {
   ASSERT_TRUE(convert("text", "binary", "BIN"));
   ASSERT_TRUE(fs::exists(folder / "binary" / "points3D.bin"));
   ASSERT_TRUE(convert("binary", "back", "TXT"));
-  const std::vector<io::ColmapView> read = io::ReadColmapModel(folder / "back");
+  const io::ColmapModel back = io::ReadColmapModel(folder / "back");
+  const std::vector<io::ColmapView> read = io::ViewsOf(back);
   ASSERT_EQ(read.size(), views.size());
   for (std::size_t i = 0; i < views.size(); ++i) {
     EXPECT_EQ(read[i].image, views[i].image);
     EXPECT_LT((read[i].camera.intrinsics - views[i].camera.intrinsics).cwiseAbs().maxCoeff(), 1e-9);
     EXPECT_LT((read[i].camera.CentreInWorld() - views[i].camera.CentreInWorld()).norm(), 1e-9);
   }
+  ASSERT_EQ(back.points.size(), 2U);
+  EXPECT_EQ(back.points[0].point_m, model.points[0].point_m);
+  ASSERT_EQ(back.images[0].pixels.size(), 2U);
+  EXPECT_EQ(back.images[0].pixels[1].point, -1);
+  EXPECT_EQ(back.images[1].pixels[0].point, 1);
+  EXPECT_LT((back.images[1].pixels[0].pixel - Eigen::Vector2d(410, 310)).norm(), 1e-9);
 }
 
 TEST_F(Colmap, FusesOurDepthAndNormalMaps) {
@@ -108,7 +118,7 @@ TEST(ExportColmap, WritesAWorkspaceForEveryScanWithPoints) {
   io::WritePly(take / "scans" / "000003.ply", testing_support::EllipsoidCloud(kCentre, kRadii, 0.0015));
   const fs::path out = app::ExportColmap(take.Path());
   EXPECT_FALSE(fs::exists(out / "000002"));
-  const std::vector<io::ColmapView> views = io::ReadColmapModel(out / "000003" / "sparse");
+  const std::vector<io::ColmapView> views = io::ViewsOf(io::ReadColmapModel(out / "000003" / "sparse"));
   ASSERT_EQ(views.size(), 4U);
   for (const io::ColmapView& view : views) {
     const ImageF depth =
