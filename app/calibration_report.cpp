@@ -66,10 +66,28 @@ std::string Cameras(const Calibration& calibration, const calib::TakeObservation
   return html + "</table>\n";
 }
 
+std::string CrossCheck(const ColmapCheck& check) {
+  const auto& [colmap, agreement] = check;
+  std::string html = fmt::format(
+      "<h2>Cross-check by COLMAP</h2><p>COLMAP found the {} cameras in air anew from nominal lenses: {} of {} images placed, RMS "
+      "{:.4f} px, its target {:.4f} mm from the known one. Laid onto this calibration, centres agree to {:.3f} mm RMS, directions to "
+      "{:.4f} degrees, and both see the target {:.4f} px apart; its scale, taken from the target, differs by {:+.4f} %.</p>",
+      agreement.cameras.size(), colmap.images_placed, colmap.images, colmap.reprojection_rms_px, colmap.target_rms_mm,
+      agreement.centre_rms_mm, agreement.direction_rms_deg, agreement.view_rms_px, 100 * (agreement.scale - 1));
+  html += "<table>" + Row({"camera", "centre, mm", "direction, deg", "focal length, px", "view, px", "residual, px", ""}, "th");
+  for (std::size_t i = 0; i < agreement.cameras.size(); ++i) {
+    const calib::CameraAgreement& c = agreement.cameras[i];
+    html += Row({Escaped(c.serial), Number(c.centre_mm, "{:.3f}"), Number(c.direction_deg, "{:.4f}"), Number(c.focal_px, "{:+.2f}"),
+                 Number(c.view_px, "{:.4f}"), Number(colmap.camera_rms_px[i], "{:.4f}"),
+                 c.agrees ? "agrees" : "<b class=\"bad\">disagrees</b>"});
+  }
+  return html + "</table>\n";
+}
+
 }  // namespace
 
 void WriteCalibrationReport(const std::filesystem::path& path, const Calibration& calibration,
-                            const calib::TakeObservations& observations) {
+                            const calib::TakeObservations& observations, const ColmapCheck* check) {
   const CalibrationStats& s = calibration.stats;
   const Rig& rig = calibration.rig;
   std::string html =
@@ -94,6 +112,7 @@ void WriteCalibrationReport(const std::filesystem::path& path, const Calibration
   }
   html += "</table>\n" + fmt::format("<h2>Cameras</h2><p>Reprojection RMS {:.4f} px.</p>", s.reprojection_rms_px) +
           Cameras(calibration, observations);
+  if (check) html += CrossCheck(*check);
   if (calibration.covariance.size() > 0) {
     const Eigen::Index last = calibration.covariance.rows() - 1;
     html += fmt::format("<p>Standard deviation of the plate's thickness: {:.3f} mm (index kept from the data sheet).</p>\n",

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "app/calibration_report.h"
+#include "app/colmap_check.h"
 #include "app/commands.h"
 #include "app/console.h"
 #include "app/evaluate.h"
@@ -17,6 +18,7 @@
 #include "app/take_list.h"
 #include "calib/calibrate.h"
 #include "calib/chessboard.h"
+#include "calib/colmap_calibration.h"
 #include "calib/drift.h"
 #include "calib/summary.h"
 #include "core/error.h"
@@ -33,6 +35,7 @@ using nlohmann::json;
 struct CalibrateArguments {
   std::vector<std::string> takes;
   std::string out, take, calibration, images, target, sheet;
+  std::string method = "target";
   bool no_plate = false;
   bool readjust = false;
 };
@@ -53,20 +56,27 @@ void RequirePassed(const CalibrationStats& stats, const std::filesystem::path& r
                           stats.failures.size(), stats.failures.front(), report.string()));
 }
 
-json RunCalibrate(const CalibrateArguments& a) {
+json RunCalibrate(const CalibrateArguments& a, const ColmapRunOptions& colmap_options) {
   TakeList takes({a.takes.begin(), a.takes.end()});
+  if (a.method == "colmap") calib::RequireAllInAir(takes.Config());
+  if (a.method != "target") RequireColmap();
   calib::CalibrateOptions options;
   options.ignore_plate = a.no_plate;
   const calib::TakeObservations observations = calib::Observe(takes.Config(), takes, options.detect);
-  Calibration calibration = calib::CalibrateFromObservations(takes.Config(), observations, options);
+  Calibration calibration = a.method == "colmap" ? CalibrateWithColmap(takes.Config(), observations, options, colmap_options)
+                                                 : calib::CalibrateFromObservations(takes.Config(), observations, options);
+  std::optional<ColmapCheck> check;
+  if (a.method == "both") check = CheckWithColmap(takes.Config(), observations, calibration.rig, colmap_options);
   const std::filesystem::path report = std::filesystem::path(a.out).replace_extension(".html");
-  WriteCalibrationReport(report, calibration, observations);
+  WriteCalibrationReport(report, calibration, observations, check ? &*check : nullptr);
+  if (check) LogCheck(*check);
   for (const std::string& line : calib::Advice(calibration.rig, observations)) Log("next time: " + line);
   RequirePassed(calibration.stats, report);
   json account = StatsJson(calibration.stats);
   if (!a.sheet.empty()) account["ground"] = AddGround(calibration, a.sheet);
   io::WriteCalibration(a.out, calibration);
   account["report"] = report.string();
+  if (check) account["colmap"] = CheckJson(*check);
   return account;
 }
 
@@ -218,16 +228,21 @@ void AddCalibrateCommands(CLI::App& app, CommonOptions& common, int& status) {
   };
   CLI::App* calibrate = app.add_subcommand("calibrate", "Cameras and plate from takes of the calibration cube, with a report");
   calibrate->footer("Example: sole calibrate takes/cube --out rig-calibration.json\n"
+                    "         sole calibrate takes/cube --method both --out rig-calibration.json\n"
                     "Writes rig-calibration.html beside it. A calibration that fails in millimetres is not written (status 1).");
   calibrate->add_option("TAKE", a->takes, "Calibration takes");
   calibrate->add_option("--out", a->out, "Calibration file to write");
   CLI::Option* sheet = calibrate->add_option("--sheet", a->sheet, "Take of the speckled sheet on the glass, which shows where the glass top is");
   calibrate->add_flag("--no-plate", a->no_plate, "As if there were no glass: shows what ignoring it costs");
+  CLI::Option* method = calibrate->add_option("--method", a->method,
+                                              "target: our adjustment; both: COLMAP also finds the cameras in air, to be compared; "
+                                              "colmap: COLMAP alone, for rigs without cameras under the glass")
+                            ->check(CLI::IsMember({"target", "colmap", "both"}))->capture_default_str();
   CLI::Option* images = calibrate->add_option("--images", a->images,
                                               "Folder of pictures CAMERA/NUMBER.png or CAMERANUMBER.png instead of takes");
   CLI::Option* target = calibrate->add_option("--target", a->target,
                                               "What the pictures show: chessboard:COLUMNSxROWS:SQUARE, inner corners, such as chessboard:9x6:25mm");
-  images->needs(target)->excludes(sheet);
+  images->needs(target)->excludes(sheet)->excludes(method);
   target->needs(images);
   AddGroundCommand(*calibrate, common, status);
   CLI::App* check = calibrate->add_subcommand("check", "Scores a later take: which camera has moved since, and by how much");
@@ -236,7 +251,7 @@ void AddCalibrateCommands(CLI::App& app, CommonOptions& common, int& status) {
     if (a->takes.empty() == a->images.empty()) throw CLI::RequiredError("either TAKE or --images");
     if (a->out.empty()) throw CLI::RequiredError("--out");
     const ThreadCap cap(common.threads);
-    print(a->images.empty() ? RunCalibrate(*a) : RunImages(*a));
+    print(a->images.empty() ? RunCalibrate(*a, {.threads = common.threads, .stop = common.stop}) : RunImages(*a));
   });
   check->footer("Example: sole calibrate check takes/S017 --calibration rig-calibration.json\n"
                 "         sole calibrate check takes/S017 --calibration rig-calibration.json --readjust --out new.json\n"

@@ -58,29 +58,6 @@ void RequireEnough(const RigConfig& config, const TakeObservations& observations
       "[[plate.fiducial]] in the rig file, light and focus");
 }
 
-/// Usable frames, divided into those to adjust and those to judge by. Fiducials stand in the first
-/// frame of each.
-struct Split {
-  TakeObservations adjust, heldout;
-};
-
-Split Divide(const RigConfig& config, const TakeObservations& observations,
-             const CalibrateOptions& options) {
-  Split split;
-  int count = 0;
-  for (const auto& frame : observations.frames) {
-    if (CornersIn(frame) < options.min_frame_corners) continue;
-    const bool judge = options.heldout_every > 0 && ++count % options.heldout_every == 0;
-    auto& kept = (judge ? split.heldout : split.adjust).frames.emplace_back(frame);
-    for (ViewObservations& view : kept) view.fiducials.clear();
-  }
-  for (std::size_t c = 0; c < config.cameras.size(); ++c) {
-    split.adjust.frames.front()[c].fiducials =
-        MeanFiducials(observations, c, options.detect.fiducial_sigma_floor_px);
-  }
-  return split;
-}
-
 void RequireAgreement(const AdjustResult& adjusted, const CalibrateOptions& options) {
   int kept = 0;
   for (const int corners : adjusted.camera_corners) kept += corners;
@@ -107,15 +84,6 @@ void RequireAgreement(const AdjustResult& adjusted, const CalibrateOptions& opti
           " from their places; check the sizes in [target] and [[plate.fiducial]] of the rig file");
 }
 
-std::string NowUtc() {
-  const std::time_t now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
-  std::tm utc{};
-  gmtime_r(&now, &utc);
-  char text[32];
-  std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &utc);
-  return text;
-}
-
 }  // namespace
 
 TakeObservations Observe(const RigConfig& config, FrameSource& takes,
@@ -129,48 +97,84 @@ TakeObservations Observe(const RigConfig& config, FrameSource& takes,
   return texture.frames.empty() ? speckle : texture;
 }
 
+DividedTake DivideTake(const RigConfig& config, const TakeObservations& observations,
+                       const CalibrateOptions& options) {
+  RequireEnough(config, observations, options);
+  DividedTake take;
+  int count = 0;
+  for (const auto& frame : observations.frames) {
+    if (CornersIn(frame) < options.min_frame_corners) continue;
+    const bool judge = options.heldout_every > 0 && ++count % options.heldout_every == 0;
+    auto& kept = (judge ? take.heldout : take.adjust).frames.emplace_back(frame);
+    for (ViewObservations& view : kept) view.fiducials.clear();
+  }
+  for (std::size_t c = 0; c < config.cameras.size(); ++c) {
+    take.adjust.frames.front()[c].fiducials =
+        MeanFiducials(observations, c, options.detect.fiducial_sigma_floor_px);
+  }
+  return take;
+}
+
+void JudgeRig(const Rig& rig, const RigConfig& config, const DividedTake& take,
+              const CalibrationLimits& limits, CalibrationStats& stats) {
+  const std::vector<Eigen::Vector3d> corners = TargetCorners(TargetOf(config).body);
+  const TargetErrors heldout = JudgeTarget(rig, take.heldout, corners);
+  const auto rms = [](const LengthErrors& errors) { return errors.lengths > 0 ? errors.rms_mm : std::nan(""); };
+  stats.heldout_rms_air_mm = rms(heldout.air);
+  stats.heldout_rms_glass_mm = rms(heldout.glass);
+  stats.heldout_rms_across_mm = rms(heldout.across);
+  stats.heldout_max_mm =
+      std::max({heldout.air.max_mm, heldout.glass.max_mm, heldout.across.max_mm});
+  stats.heldout_points = heldout.points;
+  stats.heldout_rejected = heldout.air.rejected + heldout.glass.rejected;
+  stats.ground_rms_mm = rms(JudgeGround(rig, take.adjust));
+  stats.poses_used = static_cast<int>(take.adjust.frames.size());
+  stats.poses_heldout = static_cast<int>(take.heldout.frames.size());
+  for (const PairErrors& pair : JudgePairs(rig, take.heldout, corners)) {
+    stats.pair_offset_mm.push_back(pair.offset_mm);
+    stats.pair_epipolar_px.push_back(pair.epipolar_px);
+  }
+  stats.failures = Failures(rig, stats, limits);
+}
+
+void CompleteRig(const RigConfig& config, Rig& rig) {
+  for (const PairConfig& pair : config.pairs) {
+    rig.pairs.push_back({pair.name, CameraIndex(config, pair.left), CameraIndex(config, pair.right)});
+  }
+  rig.rig_hash = RigIdentityHash(config);
+}
+
+std::string NowUtc() {
+  const std::time_t now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
+  std::tm utc{};
+  gmtime_r(&now, &utc);
+  char text[32];
+  std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &utc);
+  return text;
+}
+
 Calibration CalibrateFromObservations(const RigConfig& rig_config,
                                       const TakeObservations& observations,
                                       const CalibrateOptions& options) {
   Validate(rig_config);
   RigConfig config = rig_config;
   if (options.ignore_plate) config.plate.index = 1;
-  RequireEnough(config, observations, options);
+  const DividedTake take = DivideTake(config, observations, options);
   const std::vector<Eigen::Vector3d> corners = TargetCorners(TargetOf(config).body);
   const std::vector<Eigen::Vector3d> fiducials = FiducialCornerPoints(config.plate);
-  const Split split = Divide(config, observations, options);
-  const AdjustState start = StartValues(config, split.adjust, corners, fiducials);
-  const AdjustResult adjusted = Adjust(start, split.adjust, corners, fiducials, options.adjust);
+  const AdjustState start = StartValues(config, take.adjust, corners, fiducials);
+  const AdjustResult adjusted = Adjust(start, take.adjust, corners, fiducials, options.adjust);
   if (!options.ignore_plate) RequireAgreement(adjusted, options);
 
   Calibration result;
   result.rig.cameras = adjusted.state.cameras;
   result.rig.plate = adjusted.state.plate;
-  for (const PairConfig& pair : config.pairs) {
-    result.rig.pairs.push_back(
-        {pair.name, CameraIndex(config, pair.left), CameraIndex(config, pair.right)});
-  }
-  result.rig.rig_hash = RigIdentityHash(rig_config);
-  const TargetErrors heldout = JudgeTarget(result.rig, split.heldout, corners);
+  CompleteRig(rig_config, result.rig);
   CalibrationStats& stats = result.stats;
   stats.reprojection_rms_px = adjusted.reprojection_rms_px;
   stats.camera_rms_px = adjusted.camera_rms_px;
   stats.camera_corners = adjusted.camera_corners;
-  stats.heldout_rms_air_mm = heldout.air.rms_mm;
-  stats.heldout_rms_glass_mm = heldout.glass.rms_mm;
-  stats.heldout_rms_across_mm = heldout.across.rms_mm;
-  stats.heldout_max_mm =
-      std::max({heldout.air.max_mm, heldout.glass.max_mm, heldout.across.max_mm});
-  stats.heldout_points = heldout.points;
-  stats.heldout_rejected = heldout.air.rejected + heldout.glass.rejected;
-  stats.ground_rms_mm = JudgeGround(result.rig, split.adjust).rms_mm;
-  stats.poses_used = static_cast<int>(split.adjust.frames.size());
-  stats.poses_heldout = static_cast<int>(split.heldout.frames.size());
-  for (const PairErrors& pair : JudgePairs(result.rig, split.heldout, corners)) {
-    stats.pair_offset_mm.push_back(pair.offset_mm);
-    stats.pair_epipolar_px.push_back(pair.epipolar_px);
-  }
-  stats.failures = Failures(result.rig, stats, options.limits);
+  JudgeRig(result.rig, config, take, options.limits, stats);
   result.covariance = adjusted.covariance;
   result.created = NowUtc();
   return result;

@@ -28,6 +28,27 @@ struct CalibrateOptions {
 TakeObservations Observe(const RigConfig& config, FrameSource& takes,
                          const DetectOptions& options = {});
 
+/// Poses of a take, divided into those to adjust and those to judge by. The fiducials, averaged over
+/// the take, stand in the first frame of `adjust`.
+struct DividedTake {
+  TakeObservations adjust, heldout;
+};
+
+/// Throws Error as Calibrate does if poses, views or fiducials do not suffice.
+DividedTake DivideTake(const RigConfig& config, const TakeObservations& observations,
+                       const CalibrateOptions& options = {});
+
+/// The figures of `stats` that held-out poses and fiducials tell about a calibrated rig, and the
+/// failures that follow from them. Distances that nobody saw are NaN.
+void JudgeRig(const Rig& rig, const RigConfig& config, const DividedTake& take,
+              const CalibrationLimits& limits, CalibrationStats& stats);
+
+/// Cameras as pairs of the rig, with the hash of the rig file.
+void CompleteRig(const RigConfig& config, Rig& rig);
+
+/// ISO 8601, UTC, as Calibration::created.
+std::string NowUtc();
+
 /// Calibrates all cameras of the rig and the plate's thickness from pictures of the calibration
 /// cube in many poses. The index of the glass is the rig file's (data sheet): it cannot be told
 /// from the thickness. Result in the world frame of docs/conventions.md, which the plate's

@@ -5,6 +5,7 @@ find_package(PCL 1.13 REQUIRED COMPONENTS common search kdtree filters features 
 find_package(Ceres 2.1 REQUIRED)
 find_package(embree 3.13 REQUIRED)
 find_package(TBB REQUIRED)
+find_package(SQLite3 REQUIRED)
 find_package(ZLIB REQUIRED)
 find_package(CLI11 REQUIRED)
 find_package(spdlog REQUIRED)
