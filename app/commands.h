@@ -26,6 +26,7 @@ void AddScansCommand(CLI::App& sim, CommonOptions& common, int& status);
 void AddCaptureCommands(CLI::App& app, CommonOptions& common, int& status);
 void AddTakeCommands(CLI::App& app, CommonOptions& common, int& status);
 void AddCalibrateCommands(CLI::App& app, CommonOptions& common, int& status);
+void AddTargetCommands(CLI::App& app, CommonOptions& common, int& status);
 /// Below `calibrate`.
 void AddGroundCommand(CLI::App& calibrate, CommonOptions& common, int& status);
 void AddProcessingCommands(CLI::App& app, CommonOptions& common, int& status);

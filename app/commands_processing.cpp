@@ -92,6 +92,7 @@ void AddCommands(CLI::App& app, CommonOptions& common, int& status) {
   AddSimCommands(app, common, status);
   AddCaptureCommands(app, common, status);
   AddCalibrateCommands(app, common, status);
+  AddTargetCommands(app, common, status);
   AddProcessingCommands(app, common, status);
   AddTakeCommands(app, common, status);
   AddMatchCommand(app, common, status);
