@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "app/calibrate_images.h"
 #include "app/calibration_report.h"
 #include "app/colmap_check.h"
 #include "app/commands.h"
@@ -17,14 +18,11 @@
 #include "app/ground.h"
 #include "app/take_list.h"
 #include "calib/calibrate.h"
-#include "calib/chessboard.h"
 #include "calib/colmap_calibration.h"
 #include "calib/drift.h"
 #include "calib/summary.h"
 #include "core/error.h"
 #include "io/calibration_file.h"
-#include "io/image_file.h"
-#include "io/image_folder.h"
 #include "recon/match_pair.h"
 
 namespace sole::app {
@@ -34,7 +32,7 @@ using nlohmann::json;
 
 struct CalibrateArguments {
   std::vector<std::string> takes;
-  std::string out, take, calibration, images, target, sheet;
+  std::string out, take, calibration, images, target, judge, sheet;
   std::string method = "target";
   bool no_plate = false;
   bool readjust = false;
@@ -78,53 +76,6 @@ json RunCalibrate(const CalibrateArguments& a, const ColmapRunOptions& colmap_op
   account["report"] = report.string();
   if (check) account["colmap"] = CheckJson(*check);
   return account;
-}
-
-/// Pictures of a chessboard from any cameras.
-json RunImages(const CalibrateArguments& a) {
-  const std::string kind = a.target.substr(0, a.target.find(':'));
-  Require(kind == "chessboard" && a.target.size() > kind.size(),
-          "--target '" + a.target + "': pictures are calibrated with chessboard:COLUMNSxROWS:SQUARE, such as chessboard:9x6:25mm");
-  const calib::Chessboard board = calib::ParseChessboard(a.target.substr(kind.size() + 1));
-  const io::ImageFolder folder = io::ListImageFolder(a.images);
-  std::vector<calib::ImageCamera> cameras;
-  for (const std::string& name : folder.cameras) cameras.push_back({name, 0, 0});
-  calib::TakeObservations observations;
-  observations.frames.resize(folder.numbers.size(), std::vector<calib::ViewObservations>(cameras.size()));
-  for (std::size_t c = 0; c < cameras.size(); ++c) {
-    std::string first;
-    for (std::size_t n = 0; n < folder.numbers.size(); ++n) {
-      const std::filesystem::path& path = folder.files[n][c];
-      if (path.empty()) continue;
-      const ImageU8 image = io::ReadImage(path);
-      if (first.empty()) {
-        first = path.filename().string();
-        cameras[c].width = image.width;
-        cameras[c].height = image.height;
-      }
-      Require(image.width == cameras[c].width && image.height == cameras[c].height,
-              fmt::format("{}: is {}x{}, but {} of the same camera {}x{}: calibrate pictures of one size", path.string(), image.width,
-                          image.height, first, cameras[c].width, cameras[c].height));
-      observations.frames[n][c].target = calib::DetectChessboard(image, board);
-      if (observations.frames[n][c].target.empty()) Log(path.string() + ": the whole chessboard is not seen");
-    }
-  }
-  calib::ChessboardResult result = calib::CalibrateChessboards(cameras, observations, board);
-  result.calibration.rig.rig_hash = "0000000000000000";
-  io::WriteCalibration(a.out, result.calibration);
-  json views = json::object(), pairs = json::object(), camera_rms = json::object();
-  for (std::size_t c = 0; c < cameras.size(); ++c) {
-    camera_rms[cameras[c].name] = result.camera_rms_px[c];
-    for (std::size_t n = 0; n < folder.numbers.size(); ++n) {
-      if (std::isfinite(result.view_rms_px[n][c])) views[folder.files[n][c].filename().string()] = result.view_rms_px[n][c];
-    }
-  }
-  for (std::size_t p = 0; p < result.pairs.size(); ++p) {
-    const calib::StereoErrors& e = result.pairs[p];
-    pairs[result.calibration.rig.pairs[p].name] = {{"views", e.views}, {"stereo_rms_px", e.rms_px},
-                                                   {"epipolar_rms_px", e.epipolar_px}, {"square_rms_mm", e.square_rms_mm}};
-  }
-  return {{"view_rms_px", views}, {"camera_rms_px", camera_rms}, {"pairs", pairs}, {"corners_dropped", result.dropped}};
 }
 
 /// Fiducials and target of every frame; under speckle the marks are sought in smoothed images.
@@ -241,7 +192,11 @@ void AddCalibrateCommands(CLI::App& app, CommonOptions& common, int& status) {
   CLI::Option* images = calibrate->add_option("--images", a->images,
                                               "Folder of pictures CAMERA/NUMBER.png or CAMERANUMBER.png instead of takes");
   CLI::Option* target = calibrate->add_option("--target", a->target,
-                                              "What the pictures show: chessboard:COLUMNSxROWS:SQUARE, inner corners, such as chessboard:9x6:25mm");
+                                              "What the pictures show: chessboard:COLUMNSxROWS:SQUARE (inner corners), such as chessboard:9x6:25mm, "
+                                              "charuco:COLUMNSxROWS:SQUARE:MARKER[:DICTIONARY] (squares) or aprilgrid:COLUMNSxROWS:TAG:SPACING (tags)");
+  CLI::Option* judge = calibrate->add_option("--judge", a->judge,
+                                             "Another board in some of the pictures: its size must agree with --target's");
+  judge->needs(images);
   images->needs(target)->excludes(sheet)->excludes(method);
   target->needs(images);
   AddGroundCommand(*calibrate, common, status);
@@ -251,7 +206,7 @@ void AddCalibrateCommands(CLI::App& app, CommonOptions& common, int& status) {
     if (a->takes.empty() == a->images.empty()) throw CLI::RequiredError("either TAKE or --images");
     if (a->out.empty()) throw CLI::RequiredError("--out");
     const ThreadCap cap(common.threads);
-    print(a->images.empty() ? RunCalibrate(*a, {.threads = common.threads, .stop = common.stop}) : RunImages(*a));
+    print(a->images.empty() ? RunCalibrate(*a, {.threads = common.threads, .stop = common.stop}) : CalibrateImages(a->images, a->target, a->judge, a->out));
   });
   check->footer("Example: sole calibrate check takes/S017 --calibration rig-calibration.json\n"
                 "         sole calibrate check takes/S017 --calibration rig-calibration.json --readjust --out new.json\n"

@@ -18,7 +18,7 @@ enum class BoardKind { kChessboard, kCharuco, kAprilGrid };
 /// - ChArUco (OpenCV 4.6 and later: the first square is black, white ones hold markers 0, 1, ...
 ///   row by row): squares; `size_m` is the edge of a square, `marker_m` that of a marker;
 /// - AprilGrid (Kalibr: tag36h11 with a border of two cells, ids row by row from the lower left,
-///   black squares where four gaps meet): tags; `size_m` is the edge of a tag, `gap_m` between tags.
+///   black squares where four gaps meet): tags; `size_m` is the edge of a tag, `gap_m` between.
 struct Board {
   BoardKind kind = BoardKind::kChessboard;
   int columns = 0;
@@ -29,8 +29,8 @@ struct Board {
   std::string dictionary;  ///< of OpenCV, without DICT_; empty for a chessboard
 };
 
-/// From "chessboard:9x6:25mm", "charuco:7x5:30mm:22mm:5X5_250" (the dictionary may be left out: that
-/// one) or "aprilgrid:6x6:35mm:0.3" (tag, gap over tag). Lengths without unit are metres. Throws
+/// From "chessboard:9x6:25mm", "charuco:7x5:30mm:22mm:5X5_250" (that dictionary may be left out)
+/// or "aprilgrid:6x6:35mm:0.3" (tag, gap over tag). Lengths without unit are metres. Throws
 /// Error saying what is wrong.
 Board ParseBoard(const std::string& text);
 /// The same text from a board.
@@ -46,8 +46,8 @@ std::vector<Eigen::Vector3d> BoardCorners(const Board& board);
 int CornersInRow(const Board& board);
 
 /// A marker of a ChArUco board or AprilGrid in the board's frame, corners clockwise in the order
-/// in which OpenCV finds them: from the upper left of its own picture of the marker. AprilGrids have
-/// it turned upside down, so from their tags' lower right.
+/// in which OpenCV finds them: from the upper left of its own picture of the marker. AprilGrids
+/// have it turned upside down, so from their tags' lower right.
 struct BoardMarker {
   int id = 0;
   std::array<Eigen::Vector2d, 4> corners;
@@ -62,8 +62,9 @@ struct MarkerCells {
 };
 MarkerCells CellsOf(const Board& board, int id);
 
-/// The board's corners in an image. Of a chessboard all or none; they begin as DetectChessboard
-/// says. Of the others every corner beside a legible marker, whatever part is in view; markers of
+/// The board's corners in an image. Of a chessboard all or none; if one number of its corners is
+/// even and the other odd they begin at a black square, otherwise at the end nearer to the upper
+/// left. Of the others every corner beside a legible marker, whatever part is in view; markers of
 /// other boards or in places that contradict the rest are left out. `mirrored_target` is set where
 /// markers are legible only in the flipped image.
 ViewObservations DetectBoard(const ImageU8& image, const Board& board);

@@ -4,9 +4,9 @@
 
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 
 #include "calib/boards_internal.h"
-#include "calib/chessboard.h"
 #include "calib/edge_fit.h"
 #include "calib/markers_internal.h"
 
@@ -24,6 +24,39 @@ struct Found {
   Quad in_board;
 };
 
+/// The board's markers, sought in an enlarged image, too, if some are missing: OpenCV wants more
+/// pixels a cell than it takes to see one, above all where black squares touch a tag's corners.
+std::vector<Marker> Seek(const ImageU8& image, bool mirrored, const Board& board) {
+  constexpr int kLargest_px = 2600;
+  const int dictionary = DictionaryNumber(board), border = BorderCells(board);
+  const std::vector<BoardMarker> known = BoardMarkers(board);
+  const auto ours = [&](std::vector<Marker> markers) {
+    std::erase_if(markers, [&](const Marker& m) {
+      return m.id < 0 || m.id >= static_cast<int>(known.size());
+    });
+    return markers;
+  };
+  std::vector<Marker> markers = ours(FindMarkers(image, mirrored, dictionary, border));
+  if (markers.size() >= known.size() || std::max(image.width, image.height) > kLargest_px)
+    return markers;
+  ImageU8 enlarged(2 * image.width, 2 * image.height);
+  const cv::Mat from(image.height, image.width, CV_8UC1,
+                     const_cast<std::uint8_t*>(image.pixels.data()));
+  cv::Mat to(enlarged.height, enlarged.width, CV_8UC1, enlarged.pixels.data());
+  cv::resize(from, to, to.size(), 0, 0, cv::INTER_CUBIC);
+  const std::size_t at_first = markers.size();
+  for (Marker marker : ours(FindMarkers(enlarged, mirrored, dictionary, border))) {
+    for (Eigen::Vector2d& corner : marker.corners) corner = 0.5 * corner.array() - 0.25;
+    const bool again = std::any_of(
+        markers.begin(), markers.begin() + static_cast<std::ptrdiff_t>(at_first),
+        [&](const Marker& other) {
+          return other.id == marker.id && (other.corners[0] - marker.corners[0]).norm() < 5;
+        });
+    if (!again) markers.push_back(marker);
+  }
+  return markers;
+}
+
 std::vector<Found> MarkersOf(const Board& board, const std::vector<Marker>& markers) {
   const std::vector<BoardMarker> known = BoardMarkers(board);
   std::map<int, int> count;
@@ -31,7 +64,7 @@ std::vector<Found> MarkersOf(const Board& board, const std::vector<Marker>& mark
   std::vector<Found> found;
   for (const Marker& m : markers) {
     // A marker that is seen twice tells nothing: a second board, or a reflection.
-    if (m.id < 0 || m.id >= static_cast<int>(known.size()) || count[m.id] > 1) continue;
+    if (count[m.id] > 1) continue;
     found.push_back({m, known[static_cast<std::size_t>(m.id)].corners});
   }
   return found;
@@ -111,29 +144,26 @@ ViewObservations DetectBoard(const ImageU8& image, const Board& board) {
   ViewObservations view;
   if (image.Empty()) return view;
   if (board.kind == BoardKind::kChessboard) {
-    view.target = DetectChessboard(image, {board.columns, board.rows, board.size_m});
+    view.target = DetectChessboard(image, board);
     return view;
   }
   const bool grid = board.kind == BoardKind::kAprilGrid;
   const double pitch_m = grid ? board.size_m + board.gap_m : board.size_m;
-  const int dictionary = DictionaryNumber(board);
-  std::vector<Found> markers =
-      Agreeing(MarkersOf(board, FindMarkers(image, false, dictionary, BorderCells(board))), pitch_m);
+  std::vector<Found> markers = Agreeing(MarkersOf(board, Seek(image, false, board)), pitch_m);
   if (markers.empty()) {
     view.mirrored_target =
-        MarkersOf(board, FindMarkers(image, true, dictionary, BorderCells(board))).size() >=
-        kMirroredMarkers;
+        MarkersOf(board, Seek(image, true, board)).size() >= kMirroredMarkers;
     return view;
   }
   if (grid) RefineTags(image, markers);
   const std::vector<Eigen::Vector3d> corners = BoardCorners(board);
+  const double beside_m = 0.51 * (grid ? board.size_m : pitch_m);
   for (std::size_t i = 0; i < corners.size(); ++i) {
     const Eigen::Vector2d corner = corners[i].head<2>();
     std::vector<const Found*> near;
     for (const Found& f : markers) {
       // Beside the corner: an AprilGrid's own tag, a ChArUco corner's two markers.
-      if ((Centre(f.in_board) - corner).cwiseAbs().maxCoeff() < 0.51 * (grid ? board.size_m : pitch_m))
-        near.push_back(&f);
+      if ((Centre(f.in_board) - corner).cwiseAbs().maxCoeff() < beside_m) near.push_back(&f);
     }
     if (near.empty()) continue;
     const auto plane = Through(near);

@@ -28,8 +28,8 @@ struct PrintedSheet {
 };
 
 /// What is printed of a board, at the middle of a page: auto, the smallest of A4 to A0 that holds
-/// it (or its own size beyond), A4 ... A0, or WIDTHxHEIGHT in millimetres. A scale bar of 100 mm and
-/// how to print it stand below. Throws Error if the page is unknown or too small.
+/// it (or its own size beyond), A4 ... A0, or WIDTHxHEIGHT in millimetres. A scale bar of 100 mm
+/// and how to print it stand below. Throws Error if the page is unknown or too small.
 PrintedSheet DrawBoard(const Board& board, const std::string& page = "auto");
 
 /// The five faces of the calibration cube, one page each, with marks to cut along.

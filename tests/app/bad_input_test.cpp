@@ -54,7 +54,7 @@ TEST_F(BadInput, WrongUsageIsStatusTwo) {
 }
 
 TEST_F(BadInput, EveryCommandHasHelpWithAnExample) {
-  for (const char* command : {"demo", "sim serve", "sim render", "sim people", "sim scans", "rig check", "record", "calibrate", "calibrate check", "reconstruct", "contact",
+  for (const char* command : {"demo", "sim serve", "sim render", "sim people", "sim scans", "rig check", "record", "calibrate", "calibrate check", "calibrate ground", "target print", "reconstruct", "contact",
                               "fit", "process", "measure", "export", "evaluate", "match", "model info",
                               "model convert", "model pose", "model separate"}) {
     const ProgramResult help = RunSole(std::string(command) + " --help");
@@ -72,7 +72,7 @@ TEST_F(BadInput, PicturesThatCannotBeCalibrated) {
   ExpectOneLine(calibrate("none", "chessboard:9x6:25mm"), {"none", "is not a folder"});
   fs::create_directories(directory / "pictures" / "left");
   ExpectOneLine(calibrate("pictures", "chessboard:9x6:25mm"), {"holds no pictures"});
-  ExpectOneLine(calibrate("pictures", "chessboard:9x6:25cm"), {"9x6:25mm"});
+  ExpectOneLine(calibrate("pictures", "chessboard:9x6:25cm"), {"'25cm' is no length", "25mm"});
   ExpectOneLine(calibrate("pictures", "circles:4x5"), {"circles:4x5", "chessboard:COLUMNSxROWS:SQUARE"});
   io::WriteImage(directory / "pictures" / "left" / "1.png", ImageU8(320, 240, 90));
   io::WriteImage(directory / "pictures" / "left" / "2.png", ImageU8(640, 480, 90));
@@ -80,6 +80,24 @@ TEST_F(BadInput, PicturesThatCannotBeCalibrated) {
   fs::remove(directory / "pictures" / "left" / "2.png");
   ExpectOneLine(calibrate("pictures", "chessboard:9x6:25mm"), {"camera left sees the whole chessboard in 0 of 1 pictures"});
   EXPECT_FALSE(fs::exists(directory / "c.json"));
+}
+
+TEST_F(BadInput, GroundNeedsTheSheetAndTheSameRig) {
+  const fs::path out = directory / "with-ground.json";
+  const std::string ground = "calibrate ground " + take.string() + " --calibration " + calibration.string();
+  EXPECT_EQ(RunSole(ground).status, 2);
+  ExpectOneLine(RunSole(ground + " --out " + out.string()), {take.string(), "0 points of the contact sheet", "lay the speckled sheet"});
+  EXPECT_FALSE(fs::exists(out));
+}
+
+TEST_F(BadInput, TargetsThatCannotBePrinted) {
+  const std::string out = " --out " + (directory / "print").string();
+  EXPECT_EQ(RunSole("target print" + out).status, 2);
+  ExpectOneLine(RunSole("target print sphere" + out), {"'sphere'", "charuco:COLUMNSxROWS"});
+  ExpectOneLine(RunSole("target print aprilgrid:40x40:30mm:0.3" + out), {"1600 markers"});
+  ExpectOneLine(RunSole("target print cube --page A9" + out), {"'A9'", "A4"});
+  ExpectOneLine(RunSole("target print cube --rig " + (directory / "none.toml").string() + out), {"none.toml"});
+  EXPECT_FALSE(fs::exists(directory / "print"));
 }
 
 TEST_F(BadInput, DriftCheckNeedsMarksAndTheSameRig) {

@@ -1,12 +1,14 @@
-#include "calib/chessboard.h"
+#include "calib/pictures.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <limits>
 #include <map>
+#include <utility>
+
+#include <Eigen/Eigenvalues>
 #include <opencv2/calib3d.hpp>
-#include <opencv2/imgproc.hpp>
 
 #include "calib/adjust.h"
 #include "calib/judge.h"
@@ -17,21 +19,83 @@ namespace sole::calib {
 namespace {
 
 constexpr double kUnseen = std::numeric_limits<double>::quiet_NaN();
-/// What cornerSubPix leaves on ordinary pictures.
-constexpr double kSigmaPx = 0.1;
+/// Views with fewer corners, or all but in one line, are left out: they hold a pose badly.
+constexpr std::size_t kMinCorners = 8;
+constexpr double kMinSpread = 0.1;  ///< of the corners, across over along
+constexpr int kMirroredViews = 3;
+constexpr double kMaxOutlierShare = 0.2;
+constexpr double kMaxRms = 0.005;  ///< of the image's width
 
-std::vector<Eigen::Vector3d> CornersOf(const Chessboard& board) {
-  std::vector<Eigen::Vector3d> corners;
-  for (int y = 0; y < board.rows; ++y) {
-    for (int x = 0; x < board.columns; ++x) corners.emplace_back(x * board.square_m, y * board.square_m, 0);
+bool HoldsAPose(const ViewObservations& view, const std::vector<Eigen::Vector3d>& corners) {
+  if (view.target.size() < kMinCorners) return false;
+  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d scatter = Eigen::Matrix2d::Zero();
+  const auto place = [&](const PointObservation& o) -> Eigen::Vector2d {
+    return corners[static_cast<std::size_t>(o.point)].head<2>();
+  };
+  for (const PointObservation& o : view.target)
+    mean += place(o) / static_cast<double>(view.target.size());
+  for (const PointObservation& o : view.target)
+    scatter += (place(o) - mean) * (place(o) - mean).transpose();
+  const Eigen::Vector2d spread =
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(scatter).eigenvalues();
+  return spread[0] > kMinSpread * kMinSpread * spread[1];
+}
+
+TakeObservations UsableViews(const TakeObservations& observations,
+                             const std::vector<Eigen::Vector3d>& corners) {
+  TakeObservations usable = observations;
+  for (auto& frame : usable.frames) {
+    for (ViewObservations& view : frame) {
+      if (!HoldsAPose(view, corners)) view.target.clear();
+    }
   }
-  return corners;
+  return usable;
+}
+
+void RequireEnoughViews(const std::vector<ImageCamera>& cameras, const TakeObservations& take,
+                        const Board& board, int min_views) {
+  const std::string pictures = std::to_string(take.frames.size()) + " pictures";
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    int seen = 0, mirrored = 0;
+    for (const auto& frame : take.frames) {
+      seen += !frame[c].target.empty();
+      mirrored += frame[c].mirrored_target;
+    }
+    Require(seen >= min_views || mirrored < kMirroredViews,
+            "calibration: camera " + cameras[c].name + " shows the board mirrored in " +
+                std::to_string(mirrored) + " of " + pictures +
+                "; turn off the camera's flipping, or print the board unmirrored");
+    const bool whole = board.kind == BoardKind::kChessboard;
+    Require(seen >= min_views,
+            "calibration: camera " + cameras[c].name + " sees " +
+                (whole ? "the whole chessboard" : "enough of the board") + " in " + std::to_string(seen) + " of " + pictures + ", needs " +
+                std::to_string(min_views) + "; check the numbers in --target, light and focus");
+  }
+}
+
+/// Gross contradictions make the adjustment's own measure of an outlier gross, too: then it is the
+/// residuals that tell.
+void RequireAgreement(const AdjustResult& adjusted, const std::vector<ImageCamera>& cameras) {
+  int kept = 0, width = 0;
+  for (const int count : adjusted.camera_corners) kept += count;
+  for (const ImageCamera& camera : cameras) width = std::max(width, camera.width);
+  const double share =
+      static_cast<double>(adjusted.outliers) / std::max(1, kept + adjusted.outliers);
+  const bool agree = share <= kMaxOutlierShare &&
+                     adjusted.reprojection_rms_px <= std::max(3.0, kMaxRms * width);
+  char figures[80];
+  std::snprintf(figures, sizeof figures, "%.0f %% left out, RMS of the others %.1f px",
+                100 * share, adjusted.reprojection_rms_px);
+  Require(agree, std::string("calibration: the board's corners contradict each other (") + figures +
+                     "); are pictures of one number taken at one moment, the cameras still, no "
+                     "camera's pictures mirrored, and the numbers in --target right?");
 }
 
 /// Intrinsics of one camera alone.
 Intrinsics StartIntrinsics(const ImageCamera& camera, std::size_t c,
                            const TakeObservations& observations,
-                           const std::vector<Eigen::Vector3d>& corners, int min_views) {
+                           const std::vector<Eigen::Vector3d>& corners) {
   std::vector<std::vector<cv::Point3f>> object;
   std::vector<std::vector<cv::Point2f>> image;
   for (const auto& frame : observations.frames) {
@@ -44,11 +108,6 @@ Intrinsics StartIntrinsics(const ImageCamera& camera, std::size_t c,
       pixels.emplace_back(static_cast<float>(o.pixel.x()), static_cast<float>(o.pixel.y()));
     }
   }
-  Require(static_cast<int>(object.size()) >= min_views,
-          "calibration: camera " + camera.name + " sees the whole chessboard in " +
-              std::to_string(object.size()) + " of " + std::to_string(observations.frames.size()) +
-              " pictures, needs " + std::to_string(min_views) +
-              "; check the number of inner corners in --target, light and focus");
   cv::Mat matrix, distortion;
   std::vector<cv::Mat> rvecs, tvecs;
   cv::calibrateCamera(object, image, {camera.width, camera.height}, matrix, distortion, rvecs, tvecs);
@@ -83,28 +142,9 @@ ErrorSum ViewErrors(const AdjustState& state, std::size_t frame, std::size_t cam
   return sum;
 }
 
-/// Brightness in the middle of the square between four corners.
-int SquareLevel(const ImageU8& image, const std::vector<cv::Point2f>& corners, int first, int columns) {
-  cv::Point2f middle(0, 0);
-  for (const int corner : {first, first + 1, first + columns, first + columns + 1})
-    middle += 0.25f * corners[static_cast<std::size_t>(corner)];
-  return image.At(std::clamp(static_cast<int>(std::lround(middle.x)), 0, image.width - 1),
-                  std::clamp(static_cast<int>(std::lround(middle.y)), 0, image.height - 1));
-}
-
-/// Half a turn swaps black and white where one number of corners is even and one odd: begin with
-/// the black square. Other boards look the same: begin with the end nearer to the upper left.
-bool BeginsAtTheOtherEnd(const ImageU8& image, const std::vector<cv::Point2f>& corners,
-                         const Chessboard& board) {
-  if ((board.columns + board.rows) % 2 != 0) {
-    return SquareLevel(image, corners, 0, board.columns) >
-           SquareLevel(image, corners, 1, board.columns);
-  }
-  return corners.front().x + corners.front().y > corners.back().x + corners.back().y;
-}
-
 StereoErrors JudgeStereo(const Rig& rig, const StereoPair& pair, const TakeObservations& take,
-                         const std::vector<std::vector<ErrorSum>>& errors, const Chessboard& board) {
+                         const std::vector<std::vector<ErrorSum>>& errors, const Board& board,
+                         const std::vector<Eigen::Vector3d>& corners) {
   const auto left = static_cast<std::size_t>(pair.left), right = static_cast<std::size_t>(pair.right);
   StereoErrors result;
   ErrorSum reprojection, epipolar, lengths;
@@ -128,12 +168,15 @@ StereoErrors JudgeStereo(const Rig& rig, const StereoPair& pair, const TakeObser
       epipolar.Add({miss * miss, 1});
       points[o.point] = hit.point;
     }
+    const int row = CornersInRow(board);
     for (const auto& [corner, point] : points) {
-      for (const int step : {1, board.columns}) {
-        if (step == 1 && corner % board.columns == board.columns - 1) continue;
+      for (const int step : {1, row}) {
+        if (step == 1 && corner % row == row - 1) continue;
         const auto next = points.find(corner + step);
         if (next == points.end()) continue;
-        const double error = (next->second - point).norm() - board.square_m;
+        const Eigen::Vector3d known = corners[static_cast<std::size_t>(corner + step)] -
+                                      corners[static_cast<std::size_t>(corner)];
+        const double error = (next->second - point).norm() - known.norm();
         lengths.Add({error * error, 1});
       }
     }
@@ -146,55 +189,58 @@ StereoErrors JudgeStereo(const Rig& rig, const StereoPair& pair, const TakeObser
 
 }  // namespace
 
-Chessboard ParseChessboard(const std::string& text) {
-  Chessboard board;
-  int length = 0;
-  const int read = std::sscanf(text.c_str(), "%dx%d:%lf%n", &board.columns, &board.rows,
-                               &board.square_m, &length);
-  const std::string unit = read == 3 ? text.substr(static_cast<std::size_t>(length)) : "";
-  Require(read == 3 && (unit.empty() || unit == "m" || unit == "mm") && board.columns >= 3 && board.rows >= 3 &&
-              board.columns <= 100 && board.rows <= 100 && board.columns * board.rows <= 2500,
-          "chessboard '" + text +
-              "': give inner corners and square, such as 9x6:25mm (for 10 by 7 squares)");
-  if (unit == "mm") board.square_m *= 0.001;
-  Require(std::isfinite(board.square_m) && board.square_m > 1e-4 && board.square_m < 1,
-          "chessboard '" + text + "': a square must have 0.1 to 1000 mm; a number without unit is metres");
-  return board;
+BoardScale JudgeBoard(const Rig& rig, const TakeObservations& take, const Board& board) {
+  const std::vector<Eigen::Vector3d> corners = BoardCorners(board);
+  BoardScale result;
+  double measured = 0, known = 0;
+  ErrorSum errors;
+  for (const auto& frame : take.frames) {
+    std::map<int, std::vector<Ray>> rays;
+    for (std::size_t c = 0; c < frame.size(); ++c) {
+      for (const PointObservation& o : frame[c].target)
+        rays[o.point].push_back(RayFromPixel(rig.cameras[c], rig.plate, o.pixel));
+    }
+    std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> points;  // measured, known
+    for (const auto& [corner, views] : rays) {
+      const Eigen::Vector3d point = NearestPoint(views);
+      if (point.allFinite()) points.emplace_back(point, corners[static_cast<std::size_t>(corner)]);
+    }
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      for (std::size_t k = i + 1; k < points.size(); ++k) {
+        const double length = (points[i].first - points[k].first).norm(),
+                     given = (points[i].second - points[k].second).norm();
+        errors.Add({(length - given) * (length - given), 1});
+        measured += length;
+        known += given;
+      }
+    }
+  }
+  if (errors.points == 0) return result;
+  result.lengths = errors.points;
+  result.rms_mm = 1000 * errors.Rms();
+  result.scale = measured / known;
+  return result;
 }
 
-std::vector<PointObservation> DetectChessboard(const ImageU8& image, const Chessboard& board) {
-  const cv::Mat view(image.height, image.width, CV_8UC1,
-                     const_cast<std::uint8_t*>(image.pixels.data()));
-  std::vector<cv::Point2f> corners;
-  if (!cv::findChessboardCorners(view, {board.columns, board.rows}, corners,
-                                 cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE))
-    return {};
-  cv::cornerSubPix(view, corners, {5, 5}, {-1, -1},
-                   {cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 50, 1e-4});
-  if (BeginsAtTheOtherEnd(image, corners, board)) std::reverse(corners.begin(), corners.end());
-  std::vector<PointObservation> found;
-  for (std::size_t i = 0; i < corners.size(); ++i)
-    found.push_back({static_cast<int>(i), {corners[i].x, corners[i].y}, kSigmaPx});
-  return found;
-}
-
-ChessboardResult CalibrateChessboards(const std::vector<ImageCamera>& cameras,
-                                      const TakeObservations& observations,
-                                      const Chessboard& board, int min_views) {
-  const std::vector<Eigen::Vector3d> corners = CornersOf(board);
+BoardResult CalibrateBoards(const std::vector<ImageCamera>& cameras,
+                            const TakeObservations& all_observations, const Board& board,
+                            int min_views) {
+  const std::vector<Eigen::Vector3d> corners = BoardCorners(board);
+  const TakeObservations observations = UsableViews(all_observations, corners);
+  RequireEnoughViews(cameras, observations, board, min_views);
   AdjustState start;
   start.plate = {1e-6, 1.0};
   start.world_from_body.resize(observations.frames.size());
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     start.cameras.push_back({cameras[c].name, cameras[c].width, cameras[c].height,
-                             StartIntrinsics(cameras[c], c, observations, corners, min_views), {}});
+                             StartIntrinsics(cameras[c], c, observations, corners), {}});
   }
   std::vector<bool> placed(cameras.size(), false);
   placed[0] = true;
   placed = PlaceAll(start, observations, corners, placed);
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     Require(placed[c], "calibration: camera " + cameras[c].name +
-                           " shares no picture of the chessboard with the others; pictures that "
+                           " shares no picture of the board with the others; pictures that "
                            "belong together must have the same number");
   }
   AdjustOptions options;
@@ -203,8 +249,9 @@ ChessboardResult CalibrateChessboards(const std::vector<ImageCamera>& cameras,
   options.keep_pose.assign(cameras.size(), false);
   options.keep_pose[0] = true;
   const AdjustResult adjusted = Adjust(start, observations, corners, {}, options);
+  RequireAgreement(adjusted, cameras);
 
-  ChessboardResult result;
+  BoardResult result;
   result.dropped = adjusted.outliers;
   Calibration& calibration = result.calibration;
   calibration.rig.cameras = adjusted.state.cameras;
@@ -233,7 +280,7 @@ ChessboardResult CalibrateChessboards(const std::vector<ImageCamera>& cameras,
     const auto i = static_cast<std::size_t>(c);
     const StereoPair pair{cameras[i].name + "-" + cameras[i + 1].name, c, c + 1};
     const StereoErrors stereo =
-        JudgeStereo(calibration.rig, pair, observations, errors, board);
+        JudgeStereo(calibration.rig, pair, observations, errors, board, corners);
     if (stereo.views == 0) continue;
     calibration.rig.pairs.push_back(pair);
     calibration.stats.pair_offset_mm.push_back(kUnseen);
