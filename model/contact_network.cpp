@@ -1,10 +1,13 @@
 #include "model/contact_network.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstddef>
 #include <utility>
 #include <vector>
 
+#include "core/error.h"
 #include "model/kernels_internal.h"
 #include "model/pose_features.h"
 
@@ -48,8 +51,27 @@ Eigen::VectorXd Activate(Eigen::VectorXd& values) {
 
 }  // namespace
 
-Eigen::Index NumNetworkInputs(Eigen::Index num_joints, Eigen::Index num_vertices) {
-  return 4 * num_joints + kNetworkBetas + num_vertices;
+Eigen::Index NumNetworkInputs(Eigen::Index num_joints, Eigen::Index num_vertices,
+                              NetworkKind kind) {
+  Eigen::Index inputs = 4 * num_joints;
+  if (kind != NetworkKind::kPose) inputs += kNetworkBetas;
+  if (kind == NetworkKind::kPoseShapeContact) inputs += num_vertices;
+  return inputs;
+}
+
+std::optional<NetworkKind> KindOfNetwork(const FootModel& model) {
+  if (model.network.empty()) return {};
+  const Eigen::Index inputs = model.network.front().weight.cols();
+  for (const NetworkKind kind :
+       {NetworkKind::kPose, NetworkKind::kPoseShape, NetworkKind::kPoseShapeContact}) {
+    if (NumNetworkInputs(model.NumJoints(), model.NumVertices(), kind) == inputs) return kind;
+  }
+  throw Error(fmt::format(
+      "foot model: its network takes {} inputs, expected {} (pose), {} (and shape) or {} (and "
+      "contact); the file is damaged or of another model",
+      inputs, NumNetworkInputs(model.NumJoints(), model.NumVertices(), NetworkKind::kPose),
+      NumNetworkInputs(model.NumJoints(), model.NumVertices(), NetworkKind::kPoseShape),
+      NumNetworkInputs(model.NumJoints(), model.NumVertices())));
 }
 
 Eigen::VectorXd NetworkInput(const Eigen::MatrixX3d& theta, const Eigen::VectorXd& beta,
@@ -64,7 +86,7 @@ Eigen::VectorXd NetworkInput(const Eigen::MatrixX3d& theta, const Eigen::VectorX
 
 Eigen::VectorXd EvaluateNetwork(std::span<const NetworkLayer> layers,
                                 const Eigen::VectorXd& input) {
-  Eigen::VectorXd value = input;
+  Eigen::VectorXd value = input.head(layers.front().weight.cols());
   for (std::size_t l = 0; l < layers.size(); ++l) {
     Eigen::VectorXd next = layers[l].bias;
     Add(layers[l].weight, value, next);
@@ -83,7 +105,7 @@ NetworkFactors DifferentiateNetwork(std::span<const NetworkLayer> layers,
             Eigen::MatrixXd::Identity(num_inputs, num_inputs)};
   }
   std::vector<Eigen::VectorXd> slopes;
-  Eigen::VectorXd value = input;
+  Eigen::VectorXd value = input.head(layers.front().weight.cols());
   std::size_t narrowest = 0;
   for (std::size_t l = 0; l < last; ++l) {
     Eigen::VectorXd next = layers[l].bias;
@@ -120,14 +142,19 @@ NetworkFactors ContactOffsetsByPose(const FootModel& model, Variant variant,
   if (model.network.empty()) return {};
   const Eigen::Index joints = theta.rows(), betas = std::min(kNetworkBetas, beta.size());
   const Eigen::VectorXd input = NetworkInput(theta, beta, contact, model.NumVertices());
-  NetworkFactors factors =
-      DifferentiateNetwork(model.network, input, 0, 4 * joints + kNetworkBetas);
+  const Eigen::Index given =
+      std::min(model.network.front().weight.cols(), 4 * joints + kNetworkBetas);
+  NetworkFactors factors = DifferentiateNetwork(model.network, input, 0, given);
   Eigen::MatrixXd inner(factors.inner.rows(), 3 * joints + betas);
   for (Eigen::Index j = 0; j < joints; ++j) {
     inner.middleCols<3>(3 * j).noalias() =
         factors.inner.middleCols<4>(4 * j) * QuaternionFeatureJacobian(theta.row(j));
   }
-  inner.rightCols(betas) = factors.inner.middleCols(4 * joints, betas);
+  if (given > 4 * joints) {
+    inner.rightCols(betas) = factors.inner.middleCols(4 * joints, betas);
+  } else {
+    inner.rightCols(betas).setZero();
+  }
   return {Upsample(model, variant, std::move(factors.outer)), std::move(inner)};
 }
 
@@ -136,8 +163,12 @@ NetworkFactors ContactOffsetsByContact(const FootModel& model, Variant variant,
                                        const Eigen::VectorXd& contact) {
   if (model.network.empty()) return {};
   const Eigen::VectorXd input = NetworkInput(theta, beta, contact, model.NumVertices());
-  NetworkFactors factors = DifferentiateNetwork(
-      model.network, input, 4 * theta.rows() + kNetworkBetas, model.NumVertices());
+  const Eigen::Index first = 4 * theta.rows() + kNetworkBetas, contacts = model.NumVertices();
+  if (model.network.front().weight.cols() <= first) {
+    return {Eigen::MatrixXd::Zero(3 * SurfaceOf(model, variant).NumVertices(), 1),
+            Eigen::MatrixXd::Zero(1, contacts)};
+  }
+  NetworkFactors factors = DifferentiateNetwork(model.network, input, first, contacts);
   return {Upsample(model, variant, std::move(factors.outer)), std::move(factors.inner)};
 }
 

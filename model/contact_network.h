@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <span>
 
 #include "model/foot_model.h"
@@ -11,14 +12,22 @@ namespace sole::model {
 inline constexpr double kNetworkSlope = 0.1;
 inline constexpr Eigen::Index kNetworkBetas = 2;
 
-/// 4K quaternion features + 2 shape coefficients + N contact values.
-Eigen::Index NumNetworkInputs(Eigen::Index num_joints, Eigen::Index num_vertices);
+/// What a network is told. Each kind's inputs are the first ones of the next, so the width of its
+/// first layer says which it is: 4K quaternion features, 2 shape coefficients, N contact values.
+enum class NetworkKind { kPose, kPoseShape, kPoseShapeContact };
 
-/// Input of the network; beta may be short and contact empty, what is missing counts as zero.
+Eigen::Index NumNetworkInputs(Eigen::Index num_joints, Eigen::Index num_vertices,
+                              NetworkKind kind = NetworkKind::kPoseShapeContact);
+
+/// Kind of a model's network; nothing where it has none. Throws Error where its width is no kind's.
+std::optional<NetworkKind> KindOfNetwork(const FootModel& model);
+
+/// Inputs of the fullest kind; beta may be short and contact empty, what is missing counts as zero.
 Eigen::VectorXd NetworkInput(const Eigen::MatrixX3d& theta, const Eigen::VectorXd& beta,
                              const Eigen::VectorXd& contact, Eigen::Index num_vertices);
 
-/// Network value (3N, metres): leaky ReLU after every layer but the last, which is linear.
+/// Network value (3N, metres): leaky ReLU after every layer but the last, which is linear. Of
+/// `input` the first values count, as many as the network takes.
 Eigen::VectorXd EvaluateNetwork(std::span<const NetworkLayer> layers, const Eigen::VectorXd& input);
 
 /// Derivative of the value in some of the inputs as a product, split at the narrowest layer: few
@@ -42,7 +51,7 @@ Eigen::VectorXd ContactOffsets(const FootModel& model, Variant variant,
 NetworkFactors ContactOffsetsByPose(const FootModel& model, Variant variant,
                                     const Eigen::MatrixX3d& theta, const Eigen::VectorXd& beta,
                                     const Eigen::VectorXd& contact);
-/// In the N contact values.
+/// In the N contact values; zero where the network is not told them.
 NetworkFactors ContactOffsetsByContact(const FootModel& model, Variant variant,
                                        const Eigen::MatrixX3d& theta, const Eigen::VectorXd& beta,
                                        const Eigen::VectorXd& contact);

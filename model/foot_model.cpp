@@ -129,8 +129,7 @@ void CheckOthers(const FootModel& model) {
                         landmark.vertex, n));
   }
   if (model.network.empty()) return;
-  CheckSize(model.network.front().weight.cols(), NumNetworkInputs(model.NumJoints(), n),
-            "network's number of inputs");
+  KindOfNetwork(model);
   CheckSize(model.network.back().weight.rows(), 3 * n, "network's number of outputs");
   for (std::size_t l = 0; l < model.network.size(); ++l) {
     CheckSize(model.network[l].bias.size(), model.network[l].weight.rows(), "network layer's bias");

@@ -49,6 +49,7 @@ MatrixOf<Scalar> NetworkValues(const BatchModel<Scalar>& batch,
   for (Eigen::Index m = 0; m < values.cols(); ++m) {
     const ModelParameters& foot = feet[static_cast<std::size_t>(m)];
     values.col(m) = NetworkInput(foot.theta, foot.beta, foot.contact, batch.model->NumVertices())
+                        .head(values.rows())
                         .template cast<Scalar>();
   }
   for (std::size_t l = 0; l < batch.weights.size(); ++l) {

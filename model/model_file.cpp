@@ -11,6 +11,7 @@
 #include "core/error.h"
 #include "io/npz.h"
 #include "model/constraints.h"
+#include "model/contact_network.h"
 #include "model/released_model.h"
 
 namespace sole::model {
@@ -305,6 +306,20 @@ FootModel ModelFrom(const io::Npz& npz) {
 
 }  // namespace
 
+namespace {
+
+std::string DescribeNetwork(const FootModel& model) {
+  const std::optional<NetworkKind> kind = KindOfNetwork(model);
+  if (!kind) return "none";
+  return fmt::format("{} layers, {} inputs: {}", model.network.size(),
+                     model.network.front().weight.cols(),
+                     *kind == NetworkKind::kPose        ? "pose"
+                     : *kind == NetworkKind::kPoseShape ? "pose and shape"
+                                                        : "pose, shape and contact");
+}
+
+}  // namespace
+
 std::string FamilyName(Family family) {
   switch (family) {
     case Family::kSupr:
@@ -385,9 +400,13 @@ std::vector<std::string> DescribeModel(const FootModel& model) {
   }
   lines.push_back(fmt::format("pose      {} values", NumPoseValues(model)));
   lines.push_back(fmt::format("shapes    {}", model.NumBetas()));
-  lines.push_back(
-      fmt::format("network   {}",
-                  model.network.empty() ? "none" : fmt::format("{} layers", model.network.size())));
+  lines.push_back("network   " + DescribeNetwork(model));
+  if (!model.landmarks.empty()) {
+    std::string names;
+    for (const Landmark& landmark : model.landmarks)
+      names += (names.empty() ? "" : ", ") + landmark.name;
+    lines.push_back("landmarks " + names);
+  }
   lines.push_back(fmt::format(
       "material  {}",
       model.material.empty() ? "none" : "a point of the simulator's reference foot per vertex"));
