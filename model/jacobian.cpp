@@ -207,28 +207,40 @@ PointsJacobian VertexJacobian(const FootModel& model, const ModelParameters& par
   return result;
 }
 
-PointsJacobian SurfacePointJacobian(const FootModel& model, const ModelParameters& parameters,
-                                    Variant variant, std::span<const SurfacePoint> points) {
+void VisitSurfacePoints(const FootModel& model, const ModelParameters& parameters, Variant variant,
+                        std::span<const SurfacePoint> points, const PointVisitor& visit) {
   CheckParameters(model, parameters);
   const ModelSurface& surface = SurfaceOf(model, variant);
   VertexDifferentiator differentiator(model, parameters, variant);
   const Eigen::Index columns = ColumnsOf(model, parameters).count;
-  const auto count = static_cast<Eigen::Index>(points.size());
-  PointsJacobian result;
-  result.points_m = Eigen::MatrixX3d::Zero(count, 3);
-  result.jacobian = RowMatrix::Zero(3 * count, columns);
-  RowMatrix corner_rows(3, columns);
-  for (Eigen::Index m = 0; m < count; ++m) {
-    const SurfacePoint& point = points[static_cast<std::size_t>(m)];
+  RowMatrix corner_rows(3, columns), rows(3, columns);
+  for (std::size_t m = 0; m < points.size(); ++m) {
+    const SurfacePoint& point = points[m];
     if (point.triangle < 0 || point.triangle >= surface.triangles.rows())
       throw Error(fmt::format("foot model: no triangle {}", point.triangle));
+    Eigen::Vector3d position = Eigen::Vector3d::Zero();
+    rows.setZero();
     for (int corner = 0; corner < 3; ++corner) {
-      const Eigen::Vector3d position =
-          differentiator.Write(surface.triangles(point.triangle, corner), 0, corner_rows);
-      result.points_m.row(m) += point.barycentric[corner] * position.transpose();
-      result.jacobian.middleRows<3>(3 * m) += point.barycentric[corner] * corner_rows;
+      const double share = point.barycentric[corner];
+      position += share * differentiator.Write(surface.triangles(point.triangle, corner), 0,
+                                               corner_rows);
+      rows += share * corner_rows;
     }
+    visit(static_cast<Eigen::Index>(m), position, rows);
   }
+}
+
+PointsJacobian SurfacePointJacobian(const FootModel& model, const ModelParameters& parameters,
+                                    Variant variant, std::span<const SurfacePoint> points) {
+  const auto count = static_cast<Eigen::Index>(points.size());
+  PointsJacobian result;
+  result.points_m.resize(count, 3);
+  result.jacobian.resize(3 * count, ColumnsOf(model, parameters).count);
+  VisitSurfacePoints(model, parameters, variant, points,
+                     [&](Eigen::Index m, const Eigen::Vector3d& position, const RowMatrix& rows) {
+                       result.points_m.row(m) = position;
+                       result.jacobian.middleRows<3>(3 * m) = rows;
+                     });
   return result;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
 #include <span>
 
 #include "core/mesh.h"
@@ -40,6 +41,14 @@ PointsJacobian VertexJacobian(const FootModel& model, const ModelParameters& par
 /// Points of the variant's surface.
 PointsJacobian SurfacePointJacobian(const FootModel& model, const ModelParameters& parameters,
                                     Variant variant, std::span<const SurfacePoint> points);
+
+/// The same point by point, without a matrix for all of them: calls visit(m, position, rows), where
+/// `rows` (3 x columns) holds point m's derivative until visit returns. Cost functions write what
+/// they need of it straight into Ceres' blocks.
+using PointVisitor =
+    std::function<void(Eigen::Index m, const Eigen::Vector3d& position_m, const RowMatrix& rows)>;
+void VisitSurfacePoints(const FootModel& model, const ModelParameters& parameters, Variant variant,
+                        std::span<const SurfacePoint> points, const PointVisitor& visit);
 
 /// Derivative with respect to the N contact values (soft contact; joints do not depend on it), 3
 /// rows a vertex of the variant. Zero where the model has no network; empty contact is taken as zeros.

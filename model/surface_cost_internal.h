@@ -41,21 +41,22 @@ class SurfaceCost : public ceres::CostFunction {
     for (Eigen::Index b = 0; b < parameters.beta.size(); ++b) parameters.beta[b] = blocks[1][b];
     parameters.translation_m = Eigen::Vector3d(blocks[2][0], blocks[2][1], blocks[2][2]);
     const Variant variant = model_.HasFine() ? Variant::kFine : Variant::kCoarse;
-    const PointsJacobian points = SurfacePointJacobian(model_, parameters, variant, matches_.places);
     const ParameterColumns columns = ColumnsOf(model_, parameters);
     const Eigen::Index first[3] = {columns.theta, columns.beta, columns.translation};
-    for (std::size_t i = 0; i < matches_.places.size(); ++i) {
-      const auto row = static_cast<Eigen::Index>(i);
-      const Eigen::Vector3d n = matches_.weights[i] * matches_.normals[i];
-      residuals[i] = n.dot(points.points_m.row(row).transpose() - matches_.targets[i]);
-      if (!jacobians) continue;
-      for (std::size_t block = 0; block < 3; ++block) {
-        if (!jacobians[block]) continue;
-        const int size = parameter_block_sizes()[block];
-        Eigen::Map<Eigen::RowVectorXd>(jacobians[block] + i * static_cast<std::size_t>(size), size) =
-            n.transpose() * points.jacobian.block(3 * row, first[block], 3, size);
-      }
-    }
+    VisitSurfacePoints(
+        model_, parameters, variant, matches_.places,
+        [&](Eigen::Index m, const Eigen::Vector3d& position, const RowMatrix& rows) {
+          const auto i = static_cast<std::size_t>(m);
+          const Eigen::Vector3d n = matches_.weights[i] * matches_.normals[i];
+          residuals[m] = n.dot(position - matches_.targets[i]);
+          if (!jacobians) return;
+          for (std::size_t block = 0; block < 3; ++block) {
+            if (!jacobians[block]) continue;
+            const int size = parameter_block_sizes()[block];
+            Eigen::Map<Eigen::RowVectorXd>(jacobians[block] + m * size, size).noalias() =
+                n.transpose() * rows.middleCols(first[block], size);
+          }
+        });
     return true;
   }
 

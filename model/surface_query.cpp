@@ -63,6 +63,7 @@ SurfaceQuery::SurfaceQuery(const TriangleMesh& mesh) : state_(std::make_unique<S
   state_->mesh = mesh;
   state_->device = rtcNewDevice("threads=1");
   state_->scene = rtcNewScene(state_->device);
+  rtcSetSceneFlags(state_->scene, RTC_SCENE_FLAG_ROBUST);  // no ray slips between two triangles
   const RTCGeometry geometry = rtcNewGeometry(state_->device, RTC_GEOMETRY_TYPE_TRIANGLE);
   auto* vertices = static_cast<float*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0,
                                                                RTC_FORMAT_FLOAT3, 3 * sizeof(float),
@@ -99,6 +100,43 @@ std::optional<SurfaceQuery::Hit> SurfaceQuery::Closest(const Eigen::Vector3d& qu
   rtcPointQuery(state_->scene, &point_query, &context, VisitTriangle, &state);
   if (state.point.triangle == std::numeric_limits<int>::max()) return {};
   return Hit{state.point, state.position, std::sqrt(state.best2)};
+}
+
+std::optional<SurfaceQuery::Hit> SurfaceQuery::FirstAlong(const Eigen::Vector3d& origin,
+                                                          const Eigen::Vector3d& direction,
+                                                          double reach_m) const {
+  const Eigen::Vector3d along = direction.normalized();
+  // Embree sees the ray from a little before its origin to a little beyond its end.
+  const double slack = 1e-6 * (1 + origin.norm());
+  RTCRayHit query{};
+  query.ray.org_x = static_cast<float>(origin.x());
+  query.ray.org_y = static_cast<float>(origin.y());
+  query.ray.org_z = static_cast<float>(origin.z());
+  query.ray.dir_x = static_cast<float>(along.x());
+  query.ray.dir_y = static_cast<float>(along.y());
+  query.ray.dir_z = static_cast<float>(along.z());
+  query.ray.tfar = static_cast<float>(reach_m + slack);
+  query.ray.mask = 0xffffffff;
+  query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  rtcIntersect1(state_->scene, &context, &query);
+  if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return {};
+  const Eigen::Vector3i& t = state_->mesh.triangles[query.hit.primID];
+  const auto corner = [&](int i) -> const Eigen::Vector3d& {
+    return state_->mesh.vertices[static_cast<std::size_t>(t[i])];
+  };
+  // Moeller and Trumbore, in double precision.
+  const Eigen::Vector3d ab = corner(1) - corner(0), ac = corner(2) - corner(0);
+  const Eigen::Vector3d to_origin = origin - corner(0), across = along.cross(ac);
+  const double determinant = ab.dot(across);
+  if (determinant == 0) return {};
+  const double u = to_origin.dot(across) / determinant;
+  const double v = along.dot(to_origin.cross(ab)) / determinant;
+  const double distance = ac.dot(to_origin.cross(ab)) / determinant;
+  if (!(distance >= 0 && distance <= reach_m)) return {};
+  return Hit{{static_cast<int>(query.hit.primID), {1 - u - v, u, v}}, origin + distance * along,
+             distance};
 }
 
 Eigen::Vector3d ClosestBarycentric(const Eigen::Vector3d& p, const Eigen::Vector3d& a,

@@ -9,8 +9,8 @@
 
 namespace sole::model {
 
-/// Closest-point queries on a fixed triangle mesh, through Embree's bounding volumes; distances are
-/// evaluated in double precision. Build one per posed mesh; queries may run from several threads.
+/// Closest-point and ray queries on a fixed triangle mesh, through Embree's bounding volumes;
+/// distances are evaluated in double precision. Build one per posed mesh; queries may run from several threads.
 class SurfaceQuery {
  public:
   /// Throws Error if the mesh has no triangles or indices out of range.
@@ -26,6 +26,11 @@ class SurfaceQuery {
   };
   /// The point of the surface nearest to `query`, if one lies within `radius_m`.
   std::optional<Hit> Closest(const Eigen::Vector3d& query, double radius_m) const;
+
+  /// Where a ray first meets the surface, from either side, within `reach_m` of its origin;
+  /// `direction` need not have length 1. Rays that run along a triangle may miss it.
+  std::optional<Hit> FirstAlong(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction,
+                                double reach_m) const;
 
  private:
   struct State;

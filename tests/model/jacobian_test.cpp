@@ -109,6 +109,25 @@ TEST(SurfacePointJacobian, MatchesNumericDerivatives) {
   testing_support::ExpectJacobianNear(f, Pack(parameters), result.jacobian, 2e-9);
 }
 
+TEST(VisitSurfacePoints, GivesTheRowsOfTheWholeInOrder) {
+  const FootModel model = RandomModel(Family::kStar, 45);
+  const ModelParameters parameters = RandomParameters(model, 46);
+  const std::vector<SurfacePoint> points = {{3, {0.2, 0.3, 0.5}}, {9, {0, 0, 1}}};
+  const PointsJacobian whole = SurfacePointJacobian(model, parameters, Variant::kFine, points);
+  Eigen::Index visited = 0;
+  VisitSurfacePoints(model, parameters, Variant::kFine, points,
+                     [&](Eigen::Index m, const Eigen::Vector3d& position, const RowMatrix& rows) {
+                       EXPECT_EQ(m, visited++);
+                       EXPECT_EQ(position, whole.points_m.row(m).transpose());
+                       EXPECT_EQ(rows, whole.jacobian.middleRows<3>(3 * m));
+                     });
+  EXPECT_EQ(visited, 2);
+  const std::vector<SurfacePoint> outside = {{18, {1, 0, 0}}};
+  EXPECT_THROW(VisitSurfacePoints(model, parameters, Variant::kFine, outside,
+                                  [](Eigen::Index, const Eigen::Vector3d&, const RowMatrix&) {}),
+               Error);
+}
+
 /// Forward's vertices as a function of contact.
 auto ByContact(const FootModel& model, const ModelParameters& parameters, Variant variant) {
   return [&model, parameters, variant](const Eigen::VectorXd& contact) {

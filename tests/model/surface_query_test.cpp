@@ -1,5 +1,7 @@
 #include "model/surface_query.h"
 
+#include <cmath>
+#include <limits>
 #include <random>
 
 #include <gtest/gtest.h>
@@ -49,6 +51,65 @@ TEST(SurfaceQuery, AgreesWithBruteForce) {
     EXPECT_NEAR(hit->distance_m, best, 1e-9);
     EXPECT_LT((PositionOf(mesh, hit->point) - hit->position).norm(), 1e-12);
     EXPECT_FALSE(query.Closest(p, 0.99 * best));
+  }
+}
+
+/// Distance along a ray to the nearest triangle, by its three edge planes.
+double BruteForceAlong(const TriangleMesh& mesh, const Eigen::Vector3d& origin,
+                       const Eigen::Vector3d& direction) {
+  double best = std::numeric_limits<double>::infinity();
+  for (const Eigen::Vector3i& t : mesh.triangles) {
+    const auto corner = [&](int k) { return mesh.vertices[static_cast<std::size_t>(t[k])]; };
+    const Eigen::Vector3d normal = (corner(1) - corner(0)).cross(corner(2) - corner(0));
+    const double along = normal.dot(corner(0) - origin) / normal.dot(direction);
+    const Eigen::Vector3d p = origin + along * direction;
+    bool inside = along >= 0;
+    for (int k = 0; k < 3; ++k)
+      inside &= normal.dot((corner((k + 1) % 3) - corner(k)).cross(p - corner(k))) >= 0;
+    if (inside) best = std::min(best, along);
+  }
+  return best;
+}
+
+TEST(SurfaceQuery, RaysAgreeWithBruteForceFromOutsideAndInside) {
+  const TriangleMesh mesh = Ellipsoid({0.05, 0.13, 0.04}, 20, 30);
+  const SurfaceQuery query(mesh);
+  std::mt19937_64 random(5);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  int met = 0;
+  for (int trial = 0; trial < 500; ++trial) {
+    const double far = trial % 2 == 0 ? 0.3 : 0.02;  // outside, inside
+    const Eigen::Vector3d origin = far * Eigen::Vector3d(unit(random), unit(random), unit(random));
+    const Eigen::Vector3d aim = 0.04 * Eigen::Vector3d(unit(random), unit(random), unit(random));
+    const Eigen::Vector3d direction = (aim - origin).normalized();
+    const double wanted = BruteForceAlong(mesh, origin, direction);
+    const auto hit = query.FirstAlong(origin, 3 * direction, 1.0);
+    ASSERT_EQ(hit.has_value(), std::isfinite(wanted)) << trial;
+    if (!hit) continue;
+    ++met;
+    EXPECT_NEAR(hit->distance_m, wanted, 1e-9) << trial;
+    EXPECT_LT((PositionOf(mesh, hit->point) - hit->position).norm(), 1e-12);
+    EXPECT_LT((origin + wanted * direction - hit->position).norm(), 1e-9);
+    EXPECT_GT(hit->point.barycentric.minCoeff(), -1e-4);
+    EXPECT_FALSE(query.FirstAlong(origin, direction, 0.99 * wanted));
+  }
+  EXPECT_GT(met, 400);
+}
+
+TEST(SurfaceQuery, RaysThroughVerticesAndEdgesMeetTheSurface) {
+  const TriangleMesh mesh = Ellipsoid({0.05, 0.13, 0.04}, 20, 30);
+  const SurfaceQuery query(mesh);
+  for (const Eigen::Vector3i& t : mesh.triangles) {
+    for (int k = 0; k < 3; ++k) {
+      const Eigen::Vector3d a = mesh.vertices[static_cast<std::size_t>(t[k])];
+      const Eigen::Vector3d b = mesh.vertices[static_cast<std::size_t>(t[(k + 1) % 3])];
+      for (const double share : {0.0, 0.3}) {
+        const Eigen::Vector3d at = (1 - share) * a + share * b;
+        const auto hit = query.FirstAlong(2 * at, -at, 1.0);
+        ASSERT_TRUE(hit);
+        EXPECT_LT((hit->position - at).norm(), 1e-6);
+      }
+    }
   }
 }
 
