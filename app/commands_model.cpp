@@ -6,14 +6,13 @@
 
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
-#include <tbb/parallel_for.h>
 
 #include "app/commands.h"
 #include "app/console.h"
 #include "core/error.h"
 #include "io/npz.h"
 #include "model/constraints.h"
-#include "model/forward.h"
+#include "model/forward_batch.h"
 #include "model/model_file.h"
 #include "model/released_model.h"
 #include "model/separate.h"
@@ -78,12 +77,14 @@ void PoseCommand(const Arguments& a) {
   const auto n = static_cast<Eigen::Index>(feet.size());
   const Eigen::Index vertices = model::SurfaceOf(model, variant).NumVertices(), joints = model.NumJoints();
   RowMatrix posed(n, 3 * vertices), centres(n, 3 * joints);
-  tbb::parallel_for(std::size_t{0}, feet.size(), [&](std::size_t i) {
-    const model::PosedFoot foot = model::Forward(model, feet[i], variant);
-    const auto row = static_cast<Eigen::Index>(i);
-    Eigen::Map<RowMatrix>(posed.row(row).data(), vertices, 3) = foot.vertices_m;
-    Eigen::Map<RowMatrix>(centres.row(row).data(), joints, 3) = foot.joints_m;
-  });
+  const auto evaluate = [&](const auto& batch) {
+    posed = batch.vertices_m.transpose().template cast<double>();
+    centres = batch.joints_m.transpose().template cast<double>();
+  };
+  if (a.single)
+    evaluate(model::ForwardBatch(model::PrepareBatch<float>(model, variant), feet));
+  else
+    evaluate(model::ForwardBatch(model::PrepareBatch<double>(model, variant), feet));
   WritePoints(a.out, posed, vertices);
   if (!a.joints.empty()) WritePoints(a.joints, centres, joints);
 }
@@ -145,6 +146,7 @@ void AddModelCommands(CLI::App& app, CommonOptions& common, int& status) {
   pose->add_option("--out", a->out, "Vertices to write, (n, N, 3), m")->required();
   pose->add_option("--joints", a->joints, "Posed joints to write, (n, K, 3), m");
   pose->add_flag("--fine", a->fine, "Vertices of the fine variant");
+  pose->add_flag("--single", a->single, "Evaluates in float32, right to 0.001 mm");
 
   CLI::App* separate = add("separate", "Cuts a body part out of a model, with the joints that move it",
                            "separate supr.npy --vertices foot-vertices.npy --out foot.npz", [a] { SeparateCommand(*a); });
