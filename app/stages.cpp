@@ -33,7 +33,7 @@ json PairJson(const recon::PairStats& pair) {
           {"matched", pair.matched},     {"kept", pair.kept},
           {"in_cloud", pair.in_cloud},   {"mean_zncc", pair.mean_zncc},
           {"median_gap_px", pair.median_gap_px}, {"seconds", pair.seconds},
-          {"skipped", pair.skipped}};
+          {"seeded", pair.seeded},       {"skipped", pair.skipped}};
 }
 
 /// Clouds of every trigger, in order. Throws Error if a scan is missing.
@@ -102,11 +102,13 @@ json RunReconstruct(const fs::path& directory, const fs::path& calibration_path)
   json frames = json::array();
   double seconds = 0, points = 0;
   int empty = 0;
+  recon::FrameSeeds seeds;  // of the speckle frame before
   const int count = static_cast<int>(reader.Triggers().size());
   Progress progress("reconstruct", count);
   for (int i = 0; i < count; ++i) {
     const FrameSet frame = reader.Read(static_cast<std::size_t>(i));
-    const recon::FrameReconstruction result = reconstructor.Reconstruct(frame);
+    recon::FrameReconstruction result = reconstructor.Reconstruct(frame, &seeds);
+    if (frame.kind == ExposureKind::kSpeckle) seeds = std::move(result.seeds);
     io::WritePly(take.Scan(frame.trigger), result.cloud);
     io::WritePly(take.Platform(frame.trigger), result.platform);
     json pairs = json::array();

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <functional>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "recon/rectify.h"
@@ -15,15 +16,15 @@ struct GridOptions {
   int plane_radius_px = 4;  ///< neighbourhood of the start values, rectified pixels
   int max_rounds = 40;      ///< of growing into points without start value
   double agreement_px =
-      0.5;               ///< between a neighbour's match and what the own affine warp says of it
+      0.25;              ///< between a neighbour's match and what the own affine warp says of it
   int min_agreeing = 3;  ///< of eight neighbours
   int curvature_reach =
       2;  ///< nodes on each side from which the warp's curvature is taken; 0: affine only
 };
 
 /// The curvature that a warp takes from its neighbours is noisy too: on speckle with noise of 1 to 5
-/// grey levels it adds about as much variance to the match.
-inline constexpr double kCurvatureVarianceFactor = 1.7;
+/// grey levels it adds as much variance to the match.
+inline constexpr double kCurvatureVarianceFactor = 2;
 
 /// Sub-pixel match of one left pixel.
 struct PixelMatch {
@@ -34,6 +35,8 @@ struct PixelMatch {
 struct GridMatches {
   int tried = 0;                    ///< lit grid points
   std::vector<PixelMatch> matches;  ///< row by row
+  double first_share = 0;           ///< of the lit points that are matched first: those with a match
+  bool cold = true;                 ///< false: seeds held, no other starts were asked for
 };
 
 /// Start of a left pixel's match; empty where nothing is known. Called from several threads.
@@ -46,13 +49,29 @@ StartFunction StartsFromDisparity(const Rectification& rectification, const Imag
 /// The same for a pair that is rectified already: right x = left x - disparity, same row.
 StartFunction StartsFromDisparity(const ImageF& disparity, int radius_px);
 
-/// Matches a grid of left pixels inside `mask`: begins where `start` knows something, grows from
-/// matched points into their unmatched neighbours, repeats each match with the curvature of the warp
-/// that its neighbours' slopes imply (an affine warp alone is biased towards the camera on curved
-/// surfaces), and drops matches that their neighbours contradict. The result does not depend on the
-/// number of threads.
+/// Every so many grid points of a row or column are matched first.
+inline constexpr int kFirstLevel = 2;
+
+/// Matches a grid of left pixels inside `mask`. First every second point of every second row with an
+/// affine warp: where `start` knows something, then growing from matched points into their unmatched
+/// neighbours. Then all points, each from the warp of the first ones around it with the curvature
+/// that their slopes imply (an affine warp alone is biased towards the camera on curved surfaces),
+/// and by growing again. Drops matches that their neighbours contradict. The result does not depend
+/// on the number of threads.
 GridMatches MatchOnGrid(const PreparedImage& left, const PreparedImage& right, const ImageU8& mask,
                         const StartFunction& start, const GridOptions& grid = {},
+                        const SubsetOptions& subset = {});
+
+/// Starts at the warps of earlier matches of the same left pixels; `matches` must outlive the
+/// function.
+StartFunction StartsFromMatches(std::span<const PixelMatch> matches);
+
+/// The same for a sequence: begins at `seeds`, say of the frame before. Where these hold, at least
+/// `min_share` of the points that are matched first have a match (counted after growing); else
+/// `cold` gives starts for the others.
+GridMatches MatchOnGrid(const PreparedImage& left, const PreparedImage& right, const ImageU8& mask,
+                        const StartFunction& seeds, double min_share,
+                        const std::function<StartFunction()>& cold, const GridOptions& grid = {},
                         const SubsetOptions& subset = {});
 
 /// The same for a raw pair that begins at the disparity of its rectified images.

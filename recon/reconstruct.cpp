@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "core/error.h"
+#include "recon/surface_seeds.h"
 
 namespace sole::recon {
 
@@ -16,11 +17,14 @@ struct Reconstructor::State {
   std::vector<GridOptions> grids;             ///< per pair
 
   /// Matches and triangulates one pair; appends its points.
-  PairStats MatchPair(std::size_t pair, const FrameSet& frame,
-                      std::vector<PairPoint>& points) const;
+  PairStats MatchPair(std::size_t pair, const FrameSet& frame, const FrameSeeds* seeds,
+                      FrameSeeds::Pair& next, std::vector<PairPoint>& points) const;
 };
 
 namespace {
+
+/// Of the first points that seeds from a surface must serve; the rest are legs, marks and mirrors.
+constexpr double kSurfaceShare = 0.7;
 
 using Clock = std::chrono::steady_clock;
 
@@ -101,6 +105,7 @@ Reconstructor::Reconstructor(Reconstructor&&) noexcept = default;
 Reconstructor& Reconstructor::operator=(Reconstructor&&) noexcept = default;
 
 PairStats Reconstructor::State::MatchPair(std::size_t pair, const FrameSet& frame,
+                                          const FrameSeeds* seeds, FrameSeeds::Pair& next,
                                           std::vector<PairPoint>& points) const {
   const auto start = Clock::now();
   const auto left = static_cast<std::size_t>(rig.pairs[pair].left);
@@ -117,11 +122,27 @@ PairStats Reconstructor::State::MatchPair(std::size_t pair, const FrameSet& fram
       PrepareSide(rig.cameras[right], frame.images[right], false, options.foreground);
   stats.skipped = left_side.problem.empty() ? right_side.problem : left_side.problem;
   if (!stats.skipped.empty()) return stats;
-  const ImageF disparity = InitialDisparity(*frame.images[left], *frame.images[right],
-                                            rectifications[pair], options.match);
-  const GridMatches grid =
-      MatchOnGrid(left_side.prepared, right_side.prepared, left_side.foreground.mask,
-                  rectifications[pair], disparity, grids[pair], options.subset);
+  const FrameSeeds::Pair* before =
+      seeds && pair < seeds->pairs.size() && !seeds->pairs[pair].matches.empty()
+          ? &seeds->pairs[pair]
+          : nullptr;
+  ImageF disparity;
+  const auto cold = [&] {
+    disparity = InitialDisparity(*frame.images[left], *frame.images[right], rectifications[pair],
+                                 options.match);
+    return StartsFromDisparity(rectifications[pair], disparity, grids[pair].plane_radius_px);
+  };
+  const GridMatches grid = MatchOnGrid(
+      left_side.prepared, right_side.prepared, left_side.foreground.mask,
+      before ? StartsFromMatches(before->matches) : StartFunction(),
+      before ? options.seeds_hold * before->share : 0, cold, grids[pair], options.subset);
+  stats.seeded = !grid.cold;
+  next.share = grid.cold ? grid.first_share : before->share;
+  for (const PixelMatch& match : grid.matches) {
+    const int apart = kFirstLevel * grids[pair].step_px;
+    if (match.left_px.x() % apart == 0 && match.left_px.y() % apart == 0)
+      next.matches.push_back(match);
+  }
   stats.tried = grid.tried;
   stats.matched = static_cast<int>(grid.matches.size());
   for (const PixelMatch& match : grid.matches) stats.mean_zncc += match.match.zncc / stats.matched;
@@ -140,14 +161,16 @@ PairStats Reconstructor::State::MatchPair(std::size_t pair, const FrameSet& fram
   return stats;
 }
 
-FrameReconstruction Reconstructor::Reconstruct(const FrameSet& frame) const {
+FrameReconstruction Reconstructor::Reconstruct(const FrameSet& frame,
+                                               const FrameSeeds* seeds) const {
   const auto start = Clock::now();
   const Rig& rig = state_->rig;
   CheckFrame(rig, frame);
   FrameReconstruction result;
   std::vector<PairPoint> points;
+  result.seeds.pairs.resize(rig.pairs.size());
   for (std::size_t i = 0; i < rig.pairs.size(); ++i) {
-    result.pairs.push_back(state_->MatchPair(i, frame, points));
+    result.pairs.push_back(state_->MatchPair(i, frame, seeds, result.seeds.pairs[i], points));
   }
   FusedClouds fused = Fuse(points, static_cast<int>(rig.pairs.size()), state_->options.fuse);
   for (std::size_t i = 0; i < rig.pairs.size(); ++i) {
@@ -159,6 +182,16 @@ FrameReconstruction Reconstructor::Reconstruct(const FrameSet& frame) const {
   result.platform = std::move(fused.platform);
   result.seconds = SecondsSince(start);
   return result;
+}
+
+FrameSeeds Reconstructor::SeedsFrom(const PointCloud& surface) const {
+  FrameSeeds seeds;
+  for (std::size_t i = 0; i < state_->rig.pairs.size(); ++i) {
+    seeds.pairs.push_back({SeedsFromSurface(state_->rig, static_cast<int>(i), surface,
+                                            kFirstLevel * state_->grids[i].step_px),
+                           kSurfaceShare});
+  }
+  return seeds;
 }
 
 }  // namespace sole::recon

@@ -27,7 +27,8 @@ struct ReconstructOptions {
   FuseOptions fuse = {};
   /// Between matched points on the surface; sets grid.step_px of each pair, so that cameras of low
   /// resolution give as many points.
-  double spacing_m = 0.00075;
+  double spacing_m = 0.001;
+  double seeds_hold = 0.95;  ///< of the share that the last frame without seeds had
   int min_matches = 200;  ///< a pair with fewer sees no foot
 };
 
@@ -41,13 +42,25 @@ struct PairStats {
   double mean_zncc = 0;
   double median_gap_px = 0;  ///< signed distance between the rays; a hint of a drifted calibration
   double seconds = 0;
+  bool seeded = false;  ///< began at the seeds: semi-global matching was not needed
   std::string skipped;  ///< why the pair gave nothing; empty if it did
+};
+
+/// Where matching may begin, per pair of the rig: matches of the frame before or what a predicted
+/// surface says.
+struct FrameSeeds {
+  struct Pair {
+    std::vector<PixelMatch> matches;
+    double share = 0;  ///< of the first points that must get a match for the seeds to hold, about
+  };
+  std::vector<Pair> pairs;
 };
 
 struct FrameReconstruction {
   PointCloud cloud;              ///< the foot, world frame; empty where there is none
   PointCloud platform;           ///< marks and dust on the glass top
   std::vector<PairStats> pairs;  ///< rig order
+  FrameSeeds seeds;              ///< for the next frame of the sequence
   double seconds = 0;
 };
 
@@ -63,7 +76,12 @@ class Reconstructor {
 
   /// Missing, dark, saturated or foot-less images give a reason in `pairs`, never an exception.
   /// Throws Error if an image's size or the number of images contradicts the rig.
-  FrameReconstruction Reconstruct(const FrameSet& frame) const;
+  /// `seeds`, if given, shorten the search where they hold and change nothing else.
+  FrameReconstruction Reconstruct(const FrameSet& frame, const FrameSeeds* seeds = nullptr) const;
+
+  /// Seeds from a surface expected near the foot's, such as the fitted model's: points with normals,
+  /// not more than a few millimetres apart. Throws Error if it has no normals.
+  FrameSeeds SeedsFrom(const PointCloud& surface) const;
 
  private:
   struct State;

@@ -35,7 +35,7 @@ struct SubsetWarp {
 struct SubsetOptions {
   int radius_px = 6;  ///< window of 2 radius + 1 pixels, at most 15
   int max_iterations = 20;
-  double convergence_px = 0.002;  ///< stop when no corner of the window moves more
+  double convergence_px = 0.005;  ///< stop when no corner of the window moves more
   double max_travel_px = 4;       ///< from the start to the match
   double min_zncc = 0.85;
   double min_contrast = 3;     ///< standard deviation of the grey levels in the window

@@ -8,7 +8,7 @@ namespace sole::recon {
 void FillWindow(const ImageF& grey, const ImageF& gradient_x, const ImageF& gradient_y,
                 const ImageU8* mask, int x, int y, int radius, SubsetWindow& window) {
   window.radius = radius;
-  window.stride = (2 * radius + 1 + 3) / 4 * 4;
+  window.stride = (2 * radius + 1 + 7) / 8 * 8;
   const int size = window.Rows();
   for (int i = 0; i < window.stride; ++i) {
     window.offset[static_cast<std::size_t>(i)] = i < size ? static_cast<float>(i - radius) : 0.0F;
@@ -84,19 +84,11 @@ double Reach(const std::array<double, 6>& c, double r) {
          r * r * (std::abs(c[3]) + std::abs(c[4]) + std::abs(c[5]));
 }
 
-/// Reads the right image's grey levels under the warp into `values`. False if the window leaves the
-/// image.
-bool Sample(const SubsetWindow& window, const ImageF& coefficients, const WarpPolynomial& warp,
+/// Reads the right image's grey levels under the warp into `values`.
+void Sample(const SubsetWindow& window, const ImageF& coefficients, const WarpPolynomial& warp,
             float* values) {
-  constexpr int kMargin =
-      64;  // keeps positions relative to the base positive, and floats good to 1e-5 px
-  const double reach_x = Reach(warp[0], window.radius), reach_y = Reach(warp[1], window.radius);
-  const double x0 = warp[0][0], y0 = warp[1][0];
-  if (!(std::max(reach_x, reach_y) < kMargin - 1 && x0 - reach_x >= 2 && y0 - reach_y >= 2 &&
-        x0 + reach_x <= coefficients.width - 4 && y0 + reach_y <= coefficients.height - 4)) {
-    return false;
-  }
-  const int base_x = static_cast<int>(x0) - kMargin, base_y = static_cast<int>(y0) - kMargin;
+  const int base_x = static_cast<int>(warp[0][0]) - kSampleMargin,
+            base_y = static_cast<int>(warp[1][0]) - kSampleMargin;
   const float* data = coefficients.pixels.data();
   const int size = window.Rows();
   for (int j = 0; j < size; ++j) {
@@ -117,17 +109,32 @@ bool Sample(const SubsetWindow& window, const ImageF& coefficients, const WarpPo
     }
     for (int i = size; i < window.stride; ++i) out[i] = 0;
   }
-  return true;
 }
 
 }  // namespace
 
+bool SamplesInside(const SubsetWindow& window, const ImageF& coefficients,
+                   const WarpPolynomial& warp) {
+  const double reach_x = Reach(warp[0], window.radius), reach_y = Reach(warp[1], window.radius);
+  const double x0 = warp[0][0], y0 = warp[1][0];
+  return std::max(reach_x, reach_y) < kSampleMargin - 1 && x0 - reach_x >= 2 && y0 - reach_y >= 2 &&
+         x0 + reach_x <= coefficients.width - 4 && y0 + reach_y <= coefficients.height - 4;
+}
+
 SubsetComparison Compare(const SubsetWindow& window, const ImageF& coefficients,
                          const WarpPolynomial& warp) {
+  static const bool avx2 = HasAvx2();
+  return avx2 ? CompareAvx2(window, coefficients, warp)
+              : CompareBaseline(window, coefficients, warp);
+}
+
+SubsetComparison CompareBaseline(const SubsetWindow& window, const ImageF& coefficients,
+                                 const WarpPolynomial& warp) {
   SubsetComparison result;
-  alignas(16) std::array<float, kMaxStride * kMaxStride> values;
-  if (!Sample(window, coefficients, warp, values.data())) return result;
+  if (!SamplesInside(window, coefficients, warp)) return result;
   result.inside = true;
+  alignas(16) std::array<float, kMaxStride * kMaxStride> values;
+  Sample(window, coefficients, warp, values.data());
   const auto total = static_cast<std::size_t>(window.Rows() * window.stride);
   Float4 sum{};
   for (std::size_t k = 0; k < total; k += 4) sum += Load4(&values[k]) * Load4(&window.weight[k]);

@@ -9,7 +9,7 @@
 namespace sole::recon {
 
 inline constexpr int kMaxRadius = 15;
-inline constexpr int kMaxStride = 32;  ///< window row, padded to whole vectors
+inline constexpr int kMaxStride = 32;  ///< window row, padded to multiples of 8
 
 /// Four floats; the compiler maps them to whatever the processor has.
 using Float4 = float __attribute__((vector_size(16)));
@@ -59,8 +59,8 @@ struct SubsetWindow {
   int stride = 0;
   float count = 0;  ///< pixels that take part
   float norm = 0;   ///< root of the sum of squares of `grey`
-  alignas(16) std::array<float, kMaxStride * kMaxStride> grey, gradient_x, gradient_y, weight;
-  alignas(16) std::array<float, kMaxStride> offset;  ///< x - centre of each column
+  alignas(32) std::array<float, kMaxStride * kMaxStride> grey, gradient_x, gradient_y, weight;
+  alignas(32) std::array<float, kMaxStride> offset;  ///< x - centre of each column
 
   int Rows() const { return 2 * radius + 1; }
 };
@@ -83,5 +83,18 @@ struct SubsetComparison {
 using WarpPolynomial = std::array<std::array<double, 6>, 2>;
 SubsetComparison Compare(const SubsetWindow& window, const ImageF& coefficients,
                          const WarpPolynomial& warp);
+
+/// Distance by which positions are kept positive, so that floats are good to 1e-5 px.
+inline constexpr int kSampleMargin = 64;
+/// Whether all samples of a warp lie inside the image.
+bool SamplesInside(const SubsetWindow& window, const ImageF& coefficients,
+                   const WarpPolynomial& warp);
+
+/// The same comparison for the processor's baseline, and for AVX2 with FMA where that is there.
+SubsetComparison CompareBaseline(const SubsetWindow& window, const ImageF& coefficients,
+                                 const WarpPolynomial& warp);
+bool HasAvx2();
+SubsetComparison CompareAvx2(const SubsetWindow& window, const ImageF& coefficients,
+                             const WarpPolynomial& warp);
 
 }  // namespace sole::recon

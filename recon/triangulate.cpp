@@ -81,6 +81,12 @@ Triangulation Triangulate(const Rig& rig, int pair, std::span<const PixelMatch> 
   for (const Candidate& c : candidates) {
     if (std::isfinite(c.gap_px)) gaps.push_back(c.gap_px);
   }
+  std::vector<double> sigmas;
+  for (const Candidate& c : candidates) {
+    if (std::isfinite(c.point.ray_sigma_m)) sigmas.push_back(c.point.ray_sigma_m);
+  }
+  const double max_sigma_m =
+      std::min(options.max_sigma_m, options.max_sigma_ratio * Median(std::move(sigmas)));
   Triangulation result;
   result.median_gap_px = Median(gaps);
   for (double& gap : gaps) gap = std::abs(gap - result.median_gap_px);
@@ -93,7 +99,7 @@ Triangulation Triangulate(const Rig& rig, int pair, std::span<const PixelMatch> 
       ++result.bad_gap;
     } else if (!c.point.point_m.allFinite() || !InVolume(c.point.point_m, glass, options)) {
       ++result.outside;
-    } else if (!(c.point.ray_sigma_m <= options.max_sigma_m) ||
+    } else if (!(c.point.ray_sigma_m <= max_sigma_m) ||
                c.angle_rad < options.min_angle_rad) {
       ++result.uncertain;
     } else {

@@ -13,7 +13,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kDotPixels = 4;       // mean dot diameter in the images, about
 constexpr double kPowerAbove = 0.34;   // of a projector, at 1 m
 constexpr double kPowerBelow = 0.52;   // fewer of them overlap, and the glass takes its share
 constexpr double kPanelPower = 0.095;  // of a panel's half, at 1 m
@@ -55,7 +54,7 @@ Lighting::Lighting(const RigConfig& config, const TruePlate& plate, const Render
   for (const CameraConfig& camera : config.cameras) focal_px = std::min(focal_px, camera.focal_px);
   std::uint64_t number = 0;
   for (const ProjectorConfig& projector : config.simulation.projectors) {
-    const SpecklePattern slide(options.seed * 1000 + ++number, kDotPixels / focal_px);
+    const SpecklePattern slide(options.seed * 1000 + ++number, options.dot_px / focal_px);
     const double distance_m = (projector.look_at_m - projector.position_m).norm();
     projectors_.push_back({projector.position_m, LookAt(projector.position_m, projector.look_at_m),
                            slide, slide.Scattered(kScatter_m / distance_m, kScatterFar),
