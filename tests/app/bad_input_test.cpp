@@ -82,6 +82,13 @@ TEST_F(BadInput, PicturesThatCannotBeCalibrated) {
   EXPECT_FALSE(fs::exists(directory / "c.json"));
 }
 
+TEST_F(BadInput, TakeWithoutTheCubeDoesNotCalibrate) {
+  const fs::path out = directory / "cube.json";
+  ExpectOneLine(RunSole("calibrate " + take.string() + " --out " + out.string()),
+                {"camera SIM0001 sees the target in 0 of 2 frames", "check its aim, light and focus"});
+  EXPECT_FALSE(fs::exists(out));
+}
+
 TEST_F(BadInput, GroundNeedsTheSheetAndTheSameRig) {
   const fs::path out = directory / "with-ground.json";
   const std::string ground = "calibrate ground " + take.string() + " --calibration " + calibration.string();

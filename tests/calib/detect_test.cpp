@@ -72,6 +72,19 @@ TEST_F(Detect, MirroredFiducialsAreNotTakenForUpright) {
   EXPECT_TRUE(DetectInImage(*frame_->images[2], target, true).fiducials.empty());
 }
 
+TEST_F(Detect, AMirroredTargetIsRecognised) {
+  const DetectTarget target = TargetOf(take_->Truth().config);
+  for (const std::size_t c : {0, 2}) {  // from below and from above
+    ImageU8 flipped = *frame_->images[c];
+    for (int y = 0; y < flipped.height; ++y)
+      std::reverse(&flipped.At(0, y), &flipped.At(0, y) + flipped.width);
+    EXPECT_FALSE(DetectInImage(*frame_->images[c], target, c == 0).mirrored_target) << c;
+    const ViewObservations view = DetectInImage(flipped, target, c == 0);
+    EXPECT_TRUE(view.mirrored_target) << c;
+    EXPECT_TRUE(view.target.empty()) << c;
+  }
+}
+
 TEST_F(Detect, MarkersOfAnotherCubeAreIgnored) {
   DetectTarget other = TargetOf(take_->Truth().config);
   for (CharucoFace& face : other.body.faces) face.first_id += 100;
