@@ -193,7 +193,7 @@ void AddCalibrateCommands(CLI::App& app, CommonOptions& common, int& status) {
                                               "Folder of pictures CAMERA/NUMBER.png or CAMERANUMBER.png instead of takes");
   CLI::Option* target = calibrate->add_option("--target", a->target,
                                               "What the pictures show: chessboard:COLUMNSxROWS:SQUARE (inner corners), such as chessboard:9x6:25mm, "
-                                              "charuco:COLUMNSxROWS:SQUARE:MARKER[:DICTIONARY] (squares) or aprilgrid:COLUMNSxROWS:TAG:SPACING (tags)");
+                                              "charuco:COLUMNSxROWS:SQUARE:MARKER[:DICTIONARY[:legacy]] (squares) or aprilgrid:COLUMNSxROWS:TAG:SPACING (tags)");
   CLI::Option* judge = calibrate->add_option("--judge", a->judge,
                                              "Another board in some of the pictures: its size must agree with --target's");
   judge->needs(images);

@@ -21,7 +21,7 @@ void AddTargetCommands(CLI::App& app, CommonOptions& common, int& status) {
   target->require_subcommand(1);
   CLI::App* print = target->add_subcommand("print", "Draws a target true to scale: PDF, SVG, coordinates, and the cube's body for a 3-D printer");
   print->footer(
-      "KIND is cube (sizes: [target] of the rig file), chessboard:9x6:25mm (inner corners), charuco:7x5:30mm:22mm:5X5_250 (squares)\n"
+      "KIND is cube (sizes: [target] of the rig file), sheet (the speckled contact sheet: [sheet]), chessboard:9x6:25mm (inner corners), charuco:7x5:30mm:22mm:5X5_250 (squares)\n"
       "or aprilgrid:6x6:35mm:0.3 (tags; gap over tag), as `sole calibrate --images --target` takes it.\n"
       "Example: sole target print charuco:7x5:30mm:22mm --out print\n"
       "         sole target print cube --rig rig.toml --out print\n"
@@ -29,11 +29,11 @@ void AddTargetCommands(CLI::App& app, CommonOptions& common, int& status) {
   print->add_option("KIND", a->kind, "What to draw")->required();
   print->add_option("--out", a->out, "Folder for the files")->required();
   print->add_option("--page", a->page, "auto (the smallest that holds it), A4, A3, A2, A1, A0 or WIDTHxHEIGHT in mm")->capture_default_str();
-  print->add_option("--rig", a->rig, "Rig file with the cube's sizes; default: those of a new rig file");
+  print->add_option("--rig", a->rig, "Rig file with the sizes of cube and sheet; default: those of a new rig file");
   print->add_option("--paper", a->paper_mm, "Thickness of the sheets glued on the cube's body, mm")->check(CLI::Range(0.0, 10.0))->capture_default_str();
   print->callback([=, &common, &status] {
-    const TargetConfig cube = a->rig.empty() ? TargetConfig{} : io::ReadRigFile(a->rig).target;
-    const nlohmann::json account = PrintTarget(a->kind, cube, a->out, {a->page, 0.001 * a->paper_mm});
+    const RigConfig rig = a->rig.empty() ? RigConfig{} : io::ReadRigFile(a->rig);
+    const nlohmann::json account = PrintTarget(a->kind, rig, a->out, {a->page, 0.001 * a->paper_mm});
     fmt::print("{}", common.json ? account.dump(2) + "\n" : FormatSummary(account));
     status = 0;
   });

@@ -31,7 +31,8 @@ json PageJson(const calib::PrintedSheet& sheet) {
 
 }  // namespace
 
-json PrintTarget(const std::string& kind, const TargetConfig& cube, const std::filesystem::path& folder, const TargetPrintOptions& options) {
+json PrintTarget(const std::string& kind, const RigConfig& rig, const std::filesystem::path& folder, const TargetPrintOptions& options) {
+  const TargetConfig& cube = rig.target;
   const bool is_cube = kind == "cube";
   std::vector<calib::PrintedSheet> sheets;
   std::string name = kind, target = kind;
@@ -39,6 +40,8 @@ json PrintTarget(const std::string& kind, const TargetConfig& cube, const std::f
     sheets = calib::DrawCube(cube, options.page);
     Require(options.paper_thickness_m >= 0 && options.paper_thickness_m < 0.1 * cube.edge_m,
             "the paper's thickness must be 0 or more, and small beside the cube");
+  } else if (kind == "sheet") {
+    sheets = calib::DrawContactSheet(rig.sheet, options.page);
   } else {
     const calib::Board board = calib::ParseBoard(kind);
     target = calib::FormatBoard(board);
@@ -56,11 +59,12 @@ json PrintTarget(const std::string& kind, const TargetConfig& cube, const std::f
   for (const calib::PrintedSheet& sheet : sheets) {
     pages.push_back(sheet.page);
     described.push_back(PageJson(sheet));
-    io::WriteSvg(file(is_cube ? fmt::format("-{}.svg", pages.size()) : ".svg"), sheet.page);
+    io::WriteSvg(file(sheets.size() > 1 ? fmt::format("-{}.svg", pages.size()) : ".svg"), sheet.page);
   }
   io::WritePdf(file(".pdf"), pages);
   json result{{"format", "sole-target"}, {"version", 1}, {"units", "m; page coordinates from the upper left, y down"},
               {"target", target}, {"pages", described}};
+  if (kind == "sheet") result["sheet"] = {{"size_x_m", rig.sheet.size_x_m}, {"size_y_m", rig.sheet.size_y_m}};
   if (is_cube) {
     const double body_m = cube.edge_m - 2 * options.paper_thickness_m;
     io::WriteStl(file(".stl"), calib::CubeBody(body_m));

@@ -109,6 +109,10 @@ int DictionaryNumber(const Board& board) {
   throw Error("there is no dictionary '" + board.dictionary + "'; OpenCV has " + names);
 }
 
+bool IsWhite(const Board& board, int column, int row) {
+  return (column + row) % 2 == (board.legacy ? 0 : 1);
+}
+
 int BorderCells(const Board& board) { return board.kind == BoardKind::kAprilGrid ? 2 : 1; }
 
 Board ParseBoard(const std::string& text) {
@@ -119,14 +123,18 @@ Board ParseBoard(const std::string& text) {
     board.size_m = LengthIn(parts[2], text);
     return board;
   }
-  if (parts[0] == "charuco" && (parts.size() == 4 || parts.size() == 5)) {
+  const bool legacy = parts.size() == 6 && parts[5] == "legacy";
+  if (parts[0] == "charuco" && (parts.size() == 4 || parts.size() == 5 || legacy)) {
     board.kind = BoardKind::kCharuco;
     ReadCounts(parts[1], text, 3, board);
     board.size_m = LengthIn(parts[2], text);
     board.marker_m = LengthIn(parts[3], text);
     Require(board.marker_m < board.size_m,
             "target '" + text + "': a marker must be smaller than a square");
-    board.dictionary = parts.size() == 5 ? parts[4] : "5X5_250";
+    board.dictionary = parts.size() >= 5 ? parts[4] : "5X5_250";
+    board.legacy = legacy;
+    Require(!legacy || board.rows % 2 == 0,
+            "target '" + text + "': boards with an odd number of rows are not legacy");
     if (board.dictionary.starts_with("DICT_")) board.dictionary.erase(0, 5);
     RequireEnoughMarkers(board, text);
     return board;
@@ -147,7 +155,7 @@ Board ParseBoard(const std::string& text) {
   }
   throw Error("target '" + text +
               "': give chessboard:COLUMNSxROWS:SQUARE (inner corners), "
-              "charuco:COLUMNSxROWS:SQUARE:MARKER[:DICTIONARY] (squares) or "
+              "charuco:COLUMNSxROWS:SQUARE:MARKER[:DICTIONARY[:legacy]] (squares) or "
               "aprilgrid:COLUMNSxROWS:TAG:SPACING (tags), such as chessboard:9x6:25mm");
 }
 
@@ -156,7 +164,8 @@ std::string FormatBoard(const Board& board) {
                              ":" + Millimetres(board.size_m);
   if (board.kind == BoardKind::kChessboard) return "chessboard:" + counts;
   if (board.kind == BoardKind::kCharuco)
-    return "charuco:" + counts + ":" + Millimetres(board.marker_m) + ":" + board.dictionary;
+    return "charuco:" + counts + ":" + Millimetres(board.marker_m) + ":" + board.dictionary +
+           (board.legacy ? ":legacy" : "");
   char spacing[40];
   std::snprintf(spacing, sizeof spacing, "%.10g", board.gap_m / board.size_m);
   return "aprilgrid:" + counts + ":" + spacing;
@@ -209,7 +218,7 @@ std::vector<BoardMarker> BoardMarkers(const Board& board) {
         // y runs up, and the tag stands upside down.
         add((place * (board.size_m + board.gap_m)).array() + 0.5 * board.size_m,
             0.5 * board.size_m, -1, 1);
-      } else if (board.kind == BoardKind::kCharuco && (x + y) % 2 == 1) {
+      } else if (board.kind == BoardKind::kCharuco && IsWhite(board, x, y)) {
         add((place.array() + 0.5) * board.size_m, 0.5 * board.marker_m, 1, 1);
       }
     }

@@ -16,7 +16,8 @@ enum class BoardKind { kChessboard, kCharuco, kAprilGrid };
 /// A flat board. What its numbers count:
 /// - chessboard: inner corners; `size_m` is the edge of a square;
 /// - ChArUco (OpenCV 4.6 and later: the first square is black, white ones hold markers 0, 1, ...
-///   row by row): squares; `size_m` is the edge of a square, `marker_m` that of a marker;
+///   row by row; `legacy`: as OpenCV before 4.6 drew boards with an even number of rows, the first
+///   square white): squares; `size_m` is the edge of a square, `marker_m` that of a marker;
 /// - AprilGrid (Kalibr: tag36h11 with a border of two cells, ids row by row from the lower left,
 ///   black squares where four gaps meet): tags; `size_m` is the edge of a tag, `gap_m` between.
 struct Board {
@@ -27,10 +28,11 @@ struct Board {
   double marker_m = 0;
   double gap_m = 0;
   std::string dictionary;  ///< of OpenCV, without DICT_; empty for a chessboard
+  bool legacy = false;
 };
 
-/// From "chessboard:9x6:25mm", "charuco:7x5:30mm:22mm:5X5_250" (that dictionary may be left out)
-/// or "aprilgrid:6x6:35mm:0.3" (tag, gap over tag). Lengths without unit are metres. Throws
+/// From "chessboard:9x6:25mm", "charuco:7x5:30mm:22mm:5X5_250" (that dictionary may be left out;
+/// ":legacy" may follow it) or "aprilgrid:6x6:35mm:0.3" (tag, gap over tag). Lengths without unit are metres. Throws
 /// Error saying what is wrong.
 Board ParseBoard(const std::string& text);
 /// The same text from a board.

@@ -132,7 +132,7 @@ struct CornerLook {
 CornerLook LookOf(const Board& board, int corner) {
   const int columns = CornersInRow(board), x = corner % columns, y = corner / columns;
   if (board.kind == BoardKind::kCharuco)
-    return {(x + y) % 2 == 1, 0.85 * 0.5 * (board.size_m - board.marker_m)};
+    return {IsWhite(board, x + 1, y + 1), 0.85 * 0.5 * (board.size_m - board.marker_m)};
   // The tag lies on the side of even coordinates' greater x and y: black there for equal parity.
   const double cell = board.size_m / 10;
   return {(x + y) % 2 == 1, 0.85 * std::min(board.gap_m, 2 * cell)};

@@ -7,6 +7,9 @@ namespace sole::calib {
 /// Number of the board's dictionary in OpenCV's enumeration. Throws Error naming the known ones.
 int DictionaryNumber(const Board& board);
 
+/// Whether a square of a ChArUco board is white and holds a marker.
+bool IsWhite(const Board& board, int column, int row);
+
 /// Width of the markers' black border, in cells.
 int BorderCells(const Board& board);
 

@@ -1,10 +1,13 @@
 #include "calib/targets.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
 #include <optional>
+#include <random>
 
+#include "calib/boards_internal.h"
 #include "core/error.h"
 #include "core/target.h"
 
@@ -41,7 +44,7 @@ void AddMarker(const MarkerCells& cells, double x_m, double y_m, double edge_m, 
   }
 }
 
-/// Black squares of columns x rows, the first one black, then markers in the white ones.
+/// Black squares of columns x rows, and markers in the white ones of a ChArUco board.
 Content DrawSquares(const Board& board, int first_id) {
   const bool charuco = board.kind == BoardKind::kCharuco;
   const int columns = board.columns + (charuco ? 0 : 1), rows = board.rows + (charuco ? 0 : 1);
@@ -50,7 +53,7 @@ Content DrawSquares(const Board& board, int first_id) {
   int id = first_id;
   for (int y = 0; y < rows; ++y) {
     for (int x = 0; x < columns; ++x) {
-      if ((x + y) % 2 == 0) {
+      if (!IsWhite(board, x, y)) {
         content.rects.push_back({x * s, y * s, s, s});
       } else if (charuco) {
         const double in = 0.5 * (s - board.marker_m);
@@ -191,7 +194,7 @@ std::vector<PrintedSheet> DrawCube(const TargetConfig& cube, const std::string& 
   int id = 0;
   for (const CharucoFace& face : body.faces) {
     Board board{BoardKind::kCharuco, face.squares_x, face.squares_y, face.square_m,
-                face.marker_m,       0,              "5X5_250"};
+                face.marker_m,       0,              "5X5_250",       false};
     Content content = DrawSquares(board, face.first_id);
     const Eigen::Vector2d inset(0.5 * (body.edge_m - content.width_m),
                                 0.5 * (body.edge_m - content.height_m));
@@ -217,6 +220,36 @@ std::vector<PrintedSheet> DrawCube(const TargetConfig& cube, const std::string& 
     sheets.push_back(std::move(sheet));
   }
   return sheets;
+}
+
+std::vector<PrintedSheet> DrawContactSheet(const SheetConfig& config, const std::string& page) {
+  constexpr double kPitch_m = 0.00105;  // dots of four pixels of the default rig, about
+  Content content{config.size_x_m, config.size_y_m, {}};
+  std::mt19937_64 random(4711);
+  std::uniform_real_distribution<double> unit(0, 1);
+  const int columns = static_cast<int>(config.size_x_m / kPitch_m),
+            rows = static_cast<int>(config.size_y_m / kPitch_m);
+  for (int i = 0; i < columns * rows; ++i) {
+    if (unit(random) < 0.15) continue;  // gaps make the pattern less regular
+    const double edge = kPitch_m * (0.5 + 0.4 * unit(random));
+    const auto place = [&](int cell, double extent_m) {
+      const double middle = (cell + 0.5 + 0.9 * (unit(random) - 0.5)) * kPitch_m;
+      return std::clamp(middle - 0.5 * edge, 0.0, extent_m - edge);
+    };
+    const double x = place(i % columns, config.size_x_m), y = place(i / columns, config.size_y_m);
+    content.rects.push_back({x, y, edge, edge});
+  }
+  AddCutMarks(config.size_x_m, config.size_y_m, content.rects);
+  std::vector<PrintedSheet> sides;
+  for (const char* side : {"upper side", "lower side"}) {
+    Eigen::Vector2d origin;
+    const std::string title = std::string("contact sheet, ") + side +
+                              ": print one sheet on both sides; its thickness goes into [sheet]";
+    PrintedSheet sheet = Lay(content, page, kMargin_m, title, origin);
+    sheet.name = side;
+    sides.push_back(std::move(sheet));
+  }
+  return sides;
 }
 
 TriangleMesh CubeBody(double edge_m) {

@@ -35,6 +35,10 @@ PrintedSheet DrawBoard(const Board& board, const std::string& page = "auto");
 /// The five faces of the calibration cube, one page each, with marks to cut along.
 std::vector<PrintedSheet> DrawCube(const TargetConfig& cube, const std::string& page = "auto");
 
+/// The speckled sheet that is laid on the glass to find its top, a page for each side.
+std::vector<PrintedSheet> DrawContactSheet(const SheetConfig& sheet,
+                                           const std::string& page = "auto");
+
 /// The body that the faces are glued on: a cube of this edge around the origin.
 TriangleMesh CubeBody(double edge_m);
 

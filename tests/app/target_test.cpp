@@ -137,11 +137,11 @@ TEST(PrintTarget, OpenCvReadsTheCharucoBoardAsItsOwn) {
 TEST(PrintTarget, TheCubesFacesCarryItsCorners) {
   const TempDir dir;
   const TargetConfig cube{0.08, 4, 0.019, 0.014};
-  PrintTarget("cube", cube, dir / "out", {.paper_thickness_m = 0.00025});
-  const json described = JsonOf(dir / "out", "cube");
-  ASSERT_EQ(described["pages"].size(), 5u);
   RigConfig config;
   config.target = cube;
+  PrintTarget("cube", config, dir / "out", {.paper_thickness_m = 0.00025});
+  const json described = JsonOf(dir / "out", "cube");
+  ASSERT_EQ(described["pages"].size(), 5u);
   const calib::DetectTarget target = calib::TargetOf(config);
   const std::vector<Eigen::Vector3d> corners = calib::TargetCorners(target.body);
   for (int page = 1; page <= 5; ++page) {
@@ -167,6 +167,38 @@ TEST(PrintTarget, TheCubesFacesCarryItsCorners) {
     for (const float x : v) EXPECT_NEAR(std::abs(x), 39.75, 1e-5);
   }
   EXPECT_NEAR(volume_mm3, 79.5 * 79.5 * 79.5, 0.1);
+}
+
+TEST(PrintTarget, TheContactSheetIsSpeckledAllOver) {
+  const TempDir dir;
+  RigConfig config;
+  config.sheet = {0.15, 0.22, 0.0001};
+  PrintTarget("sheet", config, dir / "out");
+  const json described = JsonOf(dir / "out", "sheet");
+  ASSERT_EQ(described["pages"].size(), 2u);
+  const ImageU8 image = PageOfPdf(dir / "out", "sheet", 2), svg = PictureOfSvg(dir / "out", "sheet-1");
+  ASSERT_EQ(image.width, svg.width);
+  // Every patch of 4 mm inside the sheet's borders is a third to a half black.
+  const double left = 0.5 * described["pages"][0]["width_m"].get<double>() - 0.075;
+  int patches = 0, unlike = 0;
+  const int patch = static_cast<int>(0.004 / kPixel_m);
+  const int x0 = static_cast<int>(std::lround(left / kPixel_m));
+  int y0 = 0;  // the sheet's upper edge: the first row with much ink
+  for (int ink = 0; ink < 100; ++y0) {
+    ink = 0;
+    for (int x = x0; x < x0 + 20 * patch; ++x) ink += image.At(x, y0) < 128;
+  }
+  for (int y = y0; y + patch < y0 + 0.215 / kPixel_m; y += patch) {
+    for (int x = x0; x + patch < x0 + 0.149 / kPixel_m; x += patch, ++patches) {
+      double ink = 0;
+      for (int k = 0; k < patch * patch; ++k)
+        ink += (255 - image.At(x + k % patch, y + k / patch)) / 255.0 / (patch * patch);
+      unlike += ink < 0.2 || ink > 0.65;
+    }
+  }
+  EXPECT_GT(patches, 1800);
+  EXPECT_LT(unlike, patches / 100);
+  EXPECT_EQ(described["sheet"]["size_y_m"], 0.22);
 }
 
 TEST(PrintTarget, SaysWhatDoesNotFitAndWritesNothing) {

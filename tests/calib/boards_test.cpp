@@ -55,6 +55,7 @@ double Rms(const ViewObservations& view, const PrintedSheet& sheet, const View& 
 }
 
 const Board kCharuco = ParseBoard("charuco:6x5:20mm:14mm");
+const Board kLegacy = ParseBoard("charuco:5x4:22mm:15mm:4X4_50:legacy");
 const Board kGrid = ParseBoard("aprilgrid:4x3:30mm:0.3");
 
 TEST(ParseBoard, ReadsEveryKindAndWritesItBack) {
@@ -63,6 +64,7 @@ TEST(ParseBoard, ReadsEveryKindAndWritesItBack) {
   EXPECT_EQ(charuco.columns, 7);
   EXPECT_DOUBLE_EQ(charuco.marker_m, 0.022);
   EXPECT_EQ(FormatBoard(charuco), "charuco:7x5:30mm:22mm:6X6_250");
+  EXPECT_EQ(FormatBoard(kLegacy), "charuco:5x4:22mm:15mm:4X4_50:legacy");
   EXPECT_DOUBLE_EQ(kGrid.gap_m, 0.009);
   EXPECT_EQ(FormatBoard(kGrid), "aprilgrid:4x3:30mm:0.3");
   EXPECT_EQ(FormatBoard(ParseBoard("chessboard:9x6:25mm")), "chessboard:9x6:25mm");
@@ -77,6 +79,8 @@ TEST(ParseBoard, SaysWhatIsWrong) {
            {"chessboard:2x6:25mm", "3 to 100 each"},
            {"charuco:7x5:20mm:20mm", "smaller than a square"},
            {"charuco:7x5:20mm:15cm", "is no length"},
+           {"charuco:7x5:20mm:15mm:4X4_50:legacy", "odd number of rows"},
+           {"charuco:7x5:20mm:15mm:4X4_50:old", "give chessboard:"},
            {"charuco:7x5:20mm:15mm:9X9_1", "there is no dictionary '9X9_1'"},
            {"charuco:30x30:20mm:15mm", "has 450 markers, dictionary 5X5_250 only 250"},
            {"aprilgrid:6x6:30mm:9mm", "gap between tags over their edge"},
@@ -84,6 +88,13 @@ TEST(ParseBoard, SaysWhatIsWrong) {
            {"aprilgrid:6y6:30mm:0.3", "COLUMNSxROWS"}}) {
     EXPECT_THAT(ErrorOf([&] { ParseBoard(text); }), HasSubstr(what)) << text;
   }
+}
+
+TEST(BoardMarkers, LegacyBoardsBeginWithAMarker) {
+  const std::vector<BoardMarker> markers = BoardMarkers(kLegacy);
+  ASSERT_EQ(markers.size(), 10u);
+  EXPECT_LT((markers[0].corners[0] - Eigen::Vector2d(0.0035, 0.0035)).norm(), 1e-12);
+  EXPECT_NEAR(markers[3].corners[0].x(), 0.0255, 1e-12);  // second row, second square
 }
 
 TEST(CellsOf, AprilGridTagsStandAsKalibrPrintsThem) {
@@ -149,9 +160,11 @@ TEST_P(DetectPrinted, AMirroredPictureIsRecognised) {
   EXPECT_TRUE(view.mirrored_target);
 }
 
-INSTANTIATE_TEST_SUITE_P(Kinds, DetectPrinted, testing::Values(kCharuco, kGrid),
+INSTANTIATE_TEST_SUITE_P(Kinds, DetectPrinted, testing::Values(kCharuco, kGrid, kLegacy),
                          [](const auto& value) {
-                           return value.param.kind == BoardKind::kCharuco ? "Charuco" : "AprilGrid";
+                           return value.param.legacy                         ? "LegacyCharuco"
+                                  : value.param.kind == BoardKind::kCharuco ? "Charuco"
+                                                                            : "AprilGrid";
                          });
 
 TEST(DetectBoard, AMarkerInTheWrongPlaceIsLeftOut) {
