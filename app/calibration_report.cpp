@@ -84,6 +84,24 @@ std::string CrossCheck(const ColmapCheck& check) {
   return html + "</table>\n";
 }
 
+std::string Ground(const GroundSurface& ground) {
+  double low = 0, high = 0, sum = 0;
+  for (std::size_t i = 0; i < ground.residual_m.size(); ++i) {
+    const auto node = static_cast<int>(i);
+    const Eigen::Vector2d place =
+        ground.first_node_m + ground.spacing_m * Eigen::Vector2d(node % ground.nodes_x, node / ground.nodes_x);
+    const double height = 1000 * HeightAt(ground, place);
+    low = i == 0 ? height : std::min(low, height);
+    high = i == 0 ? height : std::max(high, height);
+    sum += height / static_cast<double>(ground.residual_m.size());
+  }
+  return "<h2>Ground surface</h2><p>The glass top as the contact sheet showed it, in the frame that the fiducials give.</p><table>" +
+         Row({"height, mean, mm", Number(sum, "{:+.4f}")}) + Row({"lowest", Number(low, "{:+.4f}")}) +
+         Row({"highest", Number(high, "{:+.4f}")}) + Row({"single points off the surface, RMS", Number(1000 * ground.rms_m, "{:.4f}")}) +
+         Row({"points", std::to_string(ground.points)}) +
+         Row({"fiducials beside the sheet", std::to_string(ground.marks.size())}) + "</table>\n";
+}
+
 }  // namespace
 
 void WriteCalibrationReport(const std::filesystem::path& path, const Calibration& calibration,
@@ -113,6 +131,7 @@ void WriteCalibrationReport(const std::filesystem::path& path, const Calibration
   html += "</table>\n" + fmt::format("<h2>Cameras</h2><p>Reprojection RMS {:.4f} px.</p>", s.reprojection_rms_px) +
           Cameras(calibration, observations);
   if (check) html += CrossCheck(*check);
+  if (calibration.ground) html += Ground(*calibration.ground);
   if (calibration.covariance.size() > 0) {
     const Eigen::Index last = calibration.covariance.rows() - 1;
     html += fmt::format("<p>Standard deviation of the plate's thickness: {:.3f} mm (index kept from the data sheet).</p>\n",

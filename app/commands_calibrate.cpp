@@ -71,7 +71,10 @@ json RunCalibrate(const CalibrateArguments& a, const ColmapRunOptions& colmap_op
   for (const std::string& line : calib::Advice(calibration.rig, observations)) Log("next time: " + line);
   RequirePassed(calibration.stats, report);
   json account = StatsJson(calibration.stats);
-  if (!a.sheet.empty()) account["ground"] = AddGround(calibration, a.sheet);
+  if (!a.sheet.empty()) {
+    account["ground"] = AddGround(calibration, a.sheet);
+    WriteCalibrationReport(report, calibration, observations, check ? &*check : nullptr);
+  }
   io::WriteCalibration(a.out, calibration);
   account["report"] = report.string();
   if (check) account["colmap"] = CheckJson(*check);

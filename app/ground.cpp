@@ -8,10 +8,10 @@
 #include <fmt/format.h>
 
 #include "app/console.h"
-#include "app/take_list.h"
 #include "calib/detect.h"
 #include "calib/ground.h"
 #include "core/error.h"
+#include "io/take.h"
 #include "recon/grid_match.h"
 #include "recon/match.h"
 #include "recon/triangulate.h"
@@ -83,17 +83,21 @@ json Account(const calib::GroundEstimate& estimate, const Rig& rig) {
 }  // namespace
 
 json AddGround(Calibration& calibration, const std::filesystem::path& directory) {
-  TakeList take({directory});
+  const io::TakeReader take(directory, Log);
   const RigConfig& config = take.Config();
   const std::string where = directory.string() + ": ";
   Require(calibration.rig.rig_hash == RigIdentityHash(config), where + "was recorded with another rig than the calibration was made for");
   const calib::DetectTarget target = calib::TargetOf(config);
   calib::TakeObservations observations;
   std::vector<calib::SheetPoint> points;
-  while (const std::optional<FrameSet> frame = take.Next()) {
-    observations.frames.push_back(calib::DetectInFrame(*frame, config, target));
+  const auto frames = take.Triggers().size();
+  Progress progress("match contact sheet", static_cast<int>(frames));
+  for (std::size_t i = 0; i < frames; ++i) {
+    const FrameSet frame = take.Read(i);
+    observations.frames.push_back(calib::DetectInFrame(frame, config, target));
     for (int p = 0; p < static_cast<int>(calibration.rig.pairs.size()); ++p)
-      MatchPair(calibration.rig, p, *frame, SheetVolume(config), points);
+      MatchPair(calibration.rig, p, frame, SheetVolume(config), points);
+    progress.Set(static_cast<int>(i) + 1);
   }
   const std::vector<GroundMark> marks = calib::MeasureMarks(calibration.rig, config, observations);
   if (marks.size() < 3) {

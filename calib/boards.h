@@ -32,8 +32,8 @@ struct Board {
 };
 
 /// From "chessboard:9x6:25mm", "charuco:7x5:30mm:22mm:5X5_250" (that dictionary may be left out;
-/// ":legacy" may follow it) or "aprilgrid:6x6:35mm:0.3" (tag, gap over tag). Lengths without unit are metres. Throws
-/// Error saying what is wrong.
+/// ":legacy" may follow it) or "aprilgrid:6x6:35mm:0.3" (tag, gap over tag). Lengths without unit
+/// are metres. Throws Error saying what is wrong.
 Board ParseBoard(const std::string& text);
 /// The same text from a board.
 std::string FormatBoard(const Board& board);

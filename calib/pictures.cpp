@@ -110,7 +110,8 @@ Intrinsics StartIntrinsics(const ImageCamera& camera, std::size_t c,
   }
   cv::Mat matrix, distortion;
   std::vector<cv::Mat> rvecs, tvecs;
-  cv::calibrateCamera(object, image, {camera.width, camera.height}, matrix, distortion, rvecs, tvecs);
+  cv::calibrateCamera(object, image, {camera.width, camera.height}, matrix, distortion, rvecs,
+                      tvecs);
   Intrinsics intrinsics;
   intrinsics << matrix.at<double>(0, 0), matrix.at<double>(1, 1), matrix.at<double>(0, 2),
       matrix.at<double>(1, 2), distortion.at<double>(0), distortion.at<double>(1),
@@ -145,7 +146,8 @@ ErrorSum ViewErrors(const AdjustState& state, std::size_t frame, std::size_t cam
 StereoErrors JudgeStereo(const Rig& rig, const StereoPair& pair, const TakeObservations& take,
                          const std::vector<std::vector<ErrorSum>>& errors, const Board& board,
                          const std::vector<Eigen::Vector3d>& corners) {
-  const auto left = static_cast<std::size_t>(pair.left), right = static_cast<std::size_t>(pair.right);
+  const auto left = static_cast<std::size_t>(pair.left),
+             right = static_cast<std::size_t>(pair.right);
   StereoErrors result;
   ErrorSum reprojection, epipolar, lengths;
   for (std::size_t f = 0; f < take.frames.size(); ++f) {
