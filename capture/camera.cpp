@@ -76,8 +76,10 @@ CameraFrame FrameFrom(ArvBuffer* buffer, std::int64_t frame_id) {
   frame.host_time_ns = HostNowNs();
   frame.frame_id = frame_id;
   frame.device_time_ns = arv_buffer_get_timestamp(buffer);
-  frame.width = arv_buffer_get_image_width(buffer);
-  frame.height = arv_buffer_get_image_height(buffer);
+  if (arv_buffer_get_n_parts(buffer) > 0) {  // without its leader packet a buffer is no image
+    frame.width = arv_buffer_get_image_width(buffer);
+    frame.height = arv_buffer_get_image_height(buffer);
+  }
   std::size_t size = 0;
   const auto* data = static_cast<const std::uint8_t*>(arv_buffer_get_data(buffer, &size));
   const std::size_t pixels =

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "core/plate_kernel_internal.h"
+
 namespace sole {
 
 namespace {
@@ -28,10 +30,12 @@ struct LateralScale {
 
 /// With the share `glass` of the height in glass and `w` the square of the lateral distance over the
 /// height, solves scale (1 - glass + glass / sqrt(n^2 + m w scale^2)) = 1 by Householder's method of
-/// third order. A step below 0.012, the usual first one, leaves less than 1e-11.
+/// third order from the series of the solution for w = 0. A step below kOneStepSuffices,
+/// the usual first one, leaves less than 1e-11.
 inline LateralScale SolveLateralScale(double glass, double w, double index) {
   const double n2 = index * index, mw = (n2 - 1) * w, air = 1 - glass;
-  LateralScale s{1, 1, 1};
+  const double rise = glass * (1 - 1 / index);
+  LateralScale s{1 + rise * (1 + rise), 1, 1};
   for (int i = 0; i < 12; ++i) {
     const double mws2 = mw * s.scale * s.scale;
     s.inverse = 1 / std::sqrt(n2 + mws2);
@@ -40,10 +44,10 @@ inline LateralScale SolveLateralScale(double glass, double w, double index) {
     const double d1 = air + cube;
     const double fifth = mw * cube * inverse2;
     const double d2 = -3 * fifth * s.scale, d3 = -3 * fifth * (1 - 5 * mws2 * inverse2);
-    const double step = f * (d1 * d1 - 0.5 * f * d2) / (d1 * (d1 * d1 - f * d2) + f * f * d3 / 6);
+    const double step = f * (d1 * d1 - 0.5 * f * d2) / (d1 * (d1 * d1 - f * d2) + f * f * d3 * (1.0 / 6));
     s.scale -= step;
     s.slope = d1;
-    if (std::abs(step) < 0.012) break;
+    if (std::abs(step) < kOneStepSuffices) break;
   }
   return s;
 }
@@ -118,8 +122,23 @@ Eigen::Vector2d Projector::operator()(const Eigen::Vector3d& point_in_world) con
 
 void Projector::operator()(std::span<const Eigen::Vector3d> points_in_world,
                            std::span<Eigen::Vector2d> pixels) const {
-  const Projector self = *this;  // a copy that `pixels` cannot alias
-  for (std::size_t i = 0; i < points_in_world.size(); ++i) pixels[i] = self(points_in_world[i]);
+  static_assert(sizeof(Eigen::Vector3d) == 3 * sizeof(double) &&
+                sizeof(Eigen::Vector2d) == 2 * sizeof(double));
+  ProjectorValues values;
+  Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(values.rotation) = rotation;
+  Eigen::Map<Eigen::Vector3d>(values.translation) = translation;
+  Eigen::Map<Eigen::Vector3d>(values.centre) = centre;
+  Eigen::Map<Intrinsics>(values.intrinsics) = intrinsics;
+  values.thickness_m = plate.thickness_m;
+  values.index = plate.index;
+  std::size_t i = 0;
+  for (; i + kProjectedAtOnce <= points_in_world.size(); i += kProjectedAtOnce) {
+    const double step =
+        ProjectWithOneStep(values, points_in_world[i].data(), pixels[i].data());
+    if (step < kOneStepSuffices) continue;
+    for (std::size_t j = i; j < i + kProjectedAtOnce; ++j) pixels[j] = (*this)(points_in_world[j]);
+  }
+  for (; i < points_in_world.size(); ++i) pixels[i] = (*this)(points_in_world[i]);
 }
 
 Eigen::Vector2d PixelFromWorld(const Camera& camera, const Plate& plate,

@@ -1,6 +1,8 @@
 #include "core/plate.h"
 
 #include <cmath>
+#include <random>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -85,6 +87,40 @@ TEST(Projector, ForwardProjectionIsExactToAMillionthOfAPixel) {
         EXPECT_LT((projector({x, y, z}) - traced).norm(), 1e-7) << x << " " << y << " " << z;
       }
     }
+  }
+}
+
+TEST(Projector, ManyPointsAtOnceAreTheSamePointsOneByOne) {
+  // On both sides of the glass, in it, at the camera's height and behind it; a number of points
+  // that leaves a remainder.
+  std::mt19937_64 random(3);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  for (const double z : {-0.45, 0.5}) {
+    CameraConfig config;
+    config.position_m = {0.25, 0.1, z};
+    Camera camera{"", 1624, 1236, {}, NominalCamFromWorld(config)};
+    camera.intrinsics << 3250, 3251, 810, 615, -0.08, 0.05, 2e-4, -3e-4, 0.01;
+    const Projector projector(camera, Plate{});
+    std::vector<Eigen::Vector3d> points(203);
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const double heights[] = {0.1 * uniform(random), -0.007, 1.5 * z, 0.7 * uniform(random), 0.0};
+      points[i] << 0.3 * uniform(random), 0.4 * uniform(random), heights[i % 5];
+    }
+    points.back().z() = projector.centre.z();
+    points[5] = projector.centre;
+    std::vector<Eigen::Vector2d> pixels(points.size());
+    projector(points, pixels);
+    int behind = 0;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const Eigen::Vector2d one = projector(points[i]);
+      ASSERT_EQ(pixels[i].array().isNaN().any(), one.array().isNaN().any()) << points[i].transpose();
+      behind += one.array().isNaN().any();
+      if (!one.array().isNaN().any() && one.norm() < 1e5) {
+        EXPECT_LT((pixels[i] - one).norm(), 1e-7) << points[i].transpose();
+      }
+    }
+    EXPECT_GT(behind, 5);
+    EXPECT_LT(behind, 150);
   }
 }
 
