@@ -65,7 +65,7 @@ void DetectFace(const ImageU8& image, const CharucoFace& face, int first_point,
     const double radius = std::min(options.saddle_radius_px, 0.6 * narrow);
     if (radius < 2.5) continue;
     const auto point = FitSaddle(image, guess, radius);
-    if (!point || point->sigma_px > options.max_sigma_px) continue;
+    if (!point || !(point->sigma_px <= options.max_sigma_px)) continue;
     found.push_back(
         {first_point + corner, point->pixel, std::hypot(point->sigma_px, options.sigma_floor_px)});
   }
@@ -101,7 +101,7 @@ void DetectFiducials(const ImageU8& image, const std::vector<Fiducial>& fiducial
     if (!fitted) continue;
     for (std::size_t k = 0; k < 4; ++k) {
       const FittedPoint& point = (*fitted)[k];
-      if (point.sigma_px > options.max_sigma_px) continue;
+      if (!(point.sigma_px <= options.max_sigma_px)) continue;
       found.push_back({static_cast<int>(4 * index[i] + k), point.pixel,
                        std::hypot(point.sigma_px, options.fiducial_sigma_floor_px)});
     }

@@ -74,7 +74,9 @@ std::optional<Fit<kParameters>> FitSamples(const std::vector<Sample>& samples,
   }
   const double freedom = static_cast<double>(samples.size() - kParameters);
   Fit<kParameters> fit{x, normal.inverse() * (cost / freedom), std::sqrt(cost / freedom)};
-  if (!fit.x.allFinite() || !fit.covariance.allFinite()) return {};
+  // Samples that do not determine all parameters: rounding can turn a variance negative.
+  if (!fit.x.allFinite() || !fit.covariance.allFinite() || !(fit.covariance.diagonal().minCoeff() >= 0))
+    return {};
   return fit;
 }
 
