@@ -198,17 +198,6 @@ json ScoreReconstruction(const io::TakePaths& take, const io::TakeReader& reader
   return section;
 }
 
-/// True positions of the template's vertices in one frame.
-std::vector<Eigen::Vector3d> MaterialPositions(const model::FootModel& model, const FrameTruth& truth, Side side) {
-  std::vector<Eigen::Vector3d> positions;
-  for (SurfacePoint point : model.material) {
-    // A left foot is the mirrored right one: its triangles are turned over by exchanging their last two corners.
-    if (side == Side::kLeft) std::swap(point.barycentric[1], point.barycentric[2]);
-    positions.push_back(PositionOf(truth.mesh, point));
-  }
-  return positions;
-}
-
 /// How far an estimated ground lies above the true, sagged glass in the middle of the true contact (of the plate, without any).
 double HeightOverGlass(const FrameTruth& truth, const GroundPlane& ground) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
@@ -233,7 +222,7 @@ json ScoreContact(const io::TakePaths& take, const std::optional<model::FootMode
     if (frame == truth.frames.end()) continue;
     offset.Add(std::abs(HeightOverGlass(*frame, file.ground[f])));
     if (!model || model->material.empty() || file.contact.empty()) continue;
-    const std::vector<Eigen::Vector3d> positions = MaterialPositions(*model, *frame, truth.side);
+    const std::vector<Eigen::Vector3d> positions = MaterialPositions(*model, frame->mesh, truth.side);
     if (positions.size() != file.contact[f].contact.size()) continue;
     for (std::size_t v = 0; v < positions.size(); ++v) {
       const bool is = frame->Gap(positions[v]) < contact::kContactGap_m, said = file.contact[f].contact[v] != 0;
@@ -264,7 +253,7 @@ json ScoreFit(const io::TakePaths& take, const std::optional<model::FootModel>& 
       if (const auto hit = query.Closest(frame.vertices_m.row(v).transpose(), 0.1)) surface.Add(hit->distance_m);
     }
     if (!model || model->material.empty()) continue;
-    const std::vector<Eigen::Vector3d> positions = MaterialPositions(*model, *true_frame, truth.side);
+    const std::vector<Eigen::Vector3d> positions = MaterialPositions(*model, true_frame->mesh, truth.side);
     if (static_cast<Eigen::Index>(positions.size()) != frame.vertices_m.rows()) continue;
     Mean v2v;
     bool touches = false;

@@ -1,5 +1,7 @@
 #include "app/truth.h"
 
+#include <utility>
+
 #include "core/error.h"
 #include "io/mesh_file.h"
 #include "io/npz.h"
@@ -70,6 +72,16 @@ TakeTruth ReadTruth(const std::filesystem::path& directory) {
     if (npz.contains(key)) truth.measures_mm[name] = io::MatrixFrom(npz, key)(0, 0);
   }
   return truth;
+}
+
+std::vector<Eigen::Vector3d> MaterialPositions(const model::FootModel& model, const TriangleMesh& truth, Side side) {
+  std::vector<Eigen::Vector3d> positions;
+  for (SurfacePoint point : model.material) {
+    // A left foot is the mirrored right one: its triangles are turned over by exchanging their last two corners.
+    if (side == Side::kLeft) std::swap(point.barycentric[1], point.barycentric[2]);
+    positions.push_back(PositionOf(truth, point));
+  }
+  return positions;
 }
 
 }  // namespace sole::app

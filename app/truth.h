@@ -8,6 +8,7 @@
 
 #include "core/fit_sequence.h"
 #include "core/mesh.h"
+#include "model/foot_model.h"
 #include "sim/plate_bending.h"
 
 namespace sole::app {
@@ -32,5 +33,8 @@ struct TakeTruth {
 
 /// Throws Error naming what is missing or does not fit together.
 TakeTruth ReadTruth(const std::filesystem::path& take);
+
+/// True positions of the template's vertices (FootModel::material) on a simulated foot of `side`.
+std::vector<Eigen::Vector3d> MaterialPositions(const model::FootModel& model, const TriangleMesh& truth, Side side);
 
 }  // namespace sole::app

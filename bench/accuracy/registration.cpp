@@ -1,0 +1,186 @@
+// Registration, fit and contact labels of whole motions against truth, on clouds without images
+// (sim/scan_cloud.h): minutes instead of hours, so many people and motions can be tried.
+// usage: bench_registration [--motion NAME,...] [--people N] [--seed S] [--frames F] [--rate HZ]
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cmath>
+#include <random>
+#include <vector>
+
+#include "app/stages.h"
+#include "app/truth.h"
+#include "contact/label.h"
+#include "core/error.h"
+#include "model/fit.h"
+#include "sim/foot.h"
+#include "sim/motion.h"
+#include "sim/scan_cloud.h"
+#include "sim/true_rig.h"
+
+namespace sole::bench {
+namespace {
+
+struct Arguments {
+  std::vector<std::string> motions{"stand", "rock", "walk", "run", "toes", "air", "jump"};
+  int people = 2, frames = 10;
+  double rate_hz = 10, any_heading = 0;
+  std::uint64_t seed = 200;
+  std::string model;
+  bool verbose = false;
+};
+
+/// One motion of one person: what the stages get, and what they should find.
+struct Take {
+  Side side = Side::kRight;
+  std::vector<PointCloud> clouds;
+  std::vector<std::int64_t> triggers;
+  std::vector<TriangleMesh> truth;
+};
+
+Take MakeTake(const std::string& name, std::uint64_t seed, const Arguments& a) {
+  const RigConfig config = MakeDefaultRig(20);
+  const sim::Subject subject = sim::DrawSubject(seed);
+  const sim::TrueRig rig = sim::DrawTrueRig(config, seed);
+  std::vector<std::uint8_t> dark;
+  for (const sim::FootMaterial m : sim::FootMaterials())
+    dark.push_back(m == sim::FootMaterial::kCut ? 1 : 0);
+  std::mt19937_64 random(seed);
+  sim::MotionOptions options;
+  options.motion = name;
+  options.frames = a.frames;
+  options.rate_hz = a.rate_hz;
+  options.seed = seed;
+  options.mean_load = 0.25 + 0.75 * std::uniform_real_distribution<double>()(random);
+  options.heading_rad = a.any_heading * std::uniform_real_distribution<double>(-M_PI, M_PI)(random);
+  const sim::FootMotion motion = sim::MakeMotion(subject, options);
+  Take take;
+  take.side = subject.side;
+  for (const sim::MotionFrame& frame : motion.frames) {
+    TriangleMesh mesh{frame.foot.foot.vertices_m, motion.triangles};
+    const std::vector<sim::ScanView> views = sim::FindScanViews(config, rig, mesh, dark);
+    take.clouds.push_back(sim::MakeScanCloud(
+        mesh, views, sim::DefaultScanNoise(),
+        {.seed = random(), .sequence_seed = seed, .max_points = 30000}));
+    take.triggers.push_back(static_cast<std::int64_t>(take.triggers.size()) + 1);
+    take.truth.push_back(std::move(mesh));
+  }
+  return take;
+}
+
+/// Sums over frames; lengths in mm.
+struct Score {
+  int takes = 0, frames = 0, found = 0, good = 0, wrong_side = 0;
+  int good_but_far = 0;  ///< verdict good, registered points 3 mm from their places and more
+  double registration = 0, worst_registration = 0, fit[2] = {0, 0}, residual = 0, seconds = 0;
+  int fitted[2] = {0, 0};
+  long both = 0, said = 0, touching = 0, free_right = 0, free = 0;
+};
+
+void Add(const Take& take, const FitSequence& fit, const app::ModelPair& models,
+         const std::string& name, bool verbose, Score& score) {
+  ++score.takes;
+  bool wrong = false;
+  for (std::size_t f = 0; f < fit.frames.size(); ++f) {
+    const FrameFit& frame = fit.frames[f];
+    ++score.frames;
+    if (!frame.found) {
+      if (verbose) fmt::print("  {} {}: {}\n", name, f + 1, frame.verdict);
+      continue;
+    }
+    ++score.found;
+    wrong |= frame.side != take.side;
+    const model::FootModel& model = take.side == Side::kRight ? models.right : models.left;
+    const std::vector<Eigen::Vector3d> places =
+        app::MaterialPositions(model, take.truth[f], take.side);
+    double registration = 0, fitted = 0;
+    bool touches = false;
+    const FrameContact labels =
+        contact::LabelContact(frame.registration_m, frame.registration_sd_m, GroundPlane{});
+    for (std::size_t v = 0; v < places.size(); ++v) {
+      const auto row = static_cast<Eigen::Index>(v);
+      registration += (frame.registration_m.row(row).transpose() - places[v]).norm();
+      fitted += (frame.vertices_m.row(row).transpose() - places[v]).norm();
+      const double gap = places[v].z();
+      const bool is = gap < contact::kContactGap_m, label = labels.contact[v] != 0;
+      touches |= is;
+      if (gap < 0.00005 || gap > 0.00015) {
+        score.both += is && label;
+        score.said += label;
+        score.touching += is;
+      }
+      if (gap > 0.00015 && gap < 0.003) {
+        ++score.free;
+        score.free_right += !label;
+      }
+    }
+    const double scale = 1e3 / static_cast<double>(places.size());
+    score.registration += scale * registration;
+    score.worst_registration = std::max(score.worst_registration, scale * registration);
+    score.fit[touches] += scale * fitted;
+    ++score.fitted[touches];
+    score.residual += 1e3 * frame.residual_m;
+    score.good += frame.verdict == "good";
+    score.good_but_far += frame.verdict == "good" && scale * registration > 3;
+    if (verbose) {
+      fmt::print("  {} {}: registration {:.2f} mm, fit {:.2f} mm, residual {:.3f} mm, {} points, lowest {:.0f} mm, {}\n", name,
+                 f + 1, scale * registration, scale * fitted, 1e3 * frame.residual_m,
+                 take.clouds[f].Size(), 1e3 * take.truth[f].vertices[0].z(), frame.verdict);
+    }
+  }
+  score.wrong_side += wrong;
+}
+
+int Run(const Arguments& a) {
+  const app::ModelPair models =
+      app::LoadModelPair(a.model.empty() ? app::DefaultModelPath() : std::filesystem::path(a.model));
+  fmt::print(
+      "| motion | takes | frames | found | good | good but off | wrong side | registration, mm: mean, worst | fit, "
+      "mm: contact, air | scan to surface, mm | contact F1 | near but free | s a frame |\n"
+      "|---|---|---|---|---|---|---|---|---|---|---|---|---|\n");
+  for (const std::string& name : a.motions) {
+    Score s;
+    for (int p = 0; p < a.people; ++p) {
+      const Take take = MakeTake(name, a.seed + static_cast<std::uint64_t>(p), a);
+      const auto begin = std::chrono::steady_clock::now();
+      const FitSequence fit =
+          model::FitFrames(models.right, models.left, take.clouds, take.triggers);
+      s.seconds +=
+          std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+      Add(take, fit, models, name, a.verbose, s);
+    }
+    const auto mean = [](double sum, int n) { return n ? fmt::format("{:.2f}", sum / n) : "-"; };
+    fmt::print("| {} | {} | {} | {} | {} | {} | {} | {}, {:.2f} | {}, {} | {:.3f} | {:.3f} | {:.3f} | {:.2f} |\n", name,
+               s.takes, s.frames, s.found, s.good, s.good_but_far, s.wrong_side,
+               mean(s.registration, s.found), s.worst_registration, mean(s.fit[1], s.fitted[1]),
+               mean(s.fit[0], s.fitted[0]), s.found ? s.residual / s.found : 0.0,
+               s.said + s.touching ? 2.0 * double(s.both) / double(s.said + s.touching) : 1.0,
+               s.free ? double(s.free_right) / double(s.free) : 1.0, s.seconds / s.frames);
+    std::fflush(stdout);
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace sole::bench
+
+int main(int argc, char** argv) {
+  CLI::App program("Registration, fit and contact against truth, on clouds without images");
+  sole::bench::Arguments a;
+  program.add_option("--motion", a.motions, "Motions")->delimiter(',');
+  program.add_option("--people", a.people, "Takes of each motion, each of another person");
+  program.add_option("--frames", a.frames, "Frames of a take");
+  program.add_option("--rate", a.rate_hz, "Frames a second");
+  program.add_option("--turn", a.any_heading, "Share of a half turn that feet are turned by at most");
+  program.add_option("--seed", a.seed, "First person")->capture_default_str();
+  program.add_option("--model", a.model, "Model file instead of the shipped one");
+  program.add_flag("--verbose", a.verbose, "A line a frame");
+  CLI11_PARSE(program, argc, argv);
+  try {
+    return sole::bench::Run(a);
+  } catch (const sole::Error& error) {
+    fmt::print(stderr, "bench_registration: {}\n", error.what());
+    return 1;
+  }
+}
