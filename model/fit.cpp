@@ -1,8 +1,10 @@
 #include "model/fit.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <optional>
 #include <vector>
 
@@ -10,79 +12,118 @@
 #include <fmt/format.h>
 
 #include "core/error.h"
+#include "model/foot_start.h"
 #include "model/forward.h"
 #include "model/jacobian.h"
 
 namespace sole::model {
 namespace {
 
-// Annealed schedule: the whole foot rigidly, then joints and shape with the data ever heavier.
-constexpr PoseFitStage kAlign{8, 0.04, 0.015, 0.004, false, false};
-constexpr PoseFitStage kCoarse{8, 0.025, 0.008, 0.003, true, true};
+// Annealed schedule: joints and shape with the data ever heavier.
+constexpr PoseFitStage kCoarse{8, 0.03, 0.008, 0.003, true, true};
 constexpr PoseFitStage kMiddle{8, 0.012, 0.004, 0.0015, true, true};
 constexpr PoseFitStage kFine{10, 0.008, 0.002, 0.00025, true, true};
 
-PoseFitStage FixedShape(PoseFitStage stage) {
-  stage.free_shape = false;
+PoseFitStage With(PoseFitStage stage, bool free_shape) {
+  stage.free_shape = free_shape;
   return stage;
 }
 
-struct SidedFit {
-  Side side = Side::kRight;
-  PoseFit fit;
+struct Sides {
+  const FootModel& right;
+  const FootModel& left;
+  const FootModel& Of(Side side) const { return side == Side::kRight ? right : left; }
 };
 
-/// Start with the foot's long axis along `heading_rad` (angle of the toes from +y, counter-clockwise), its box
-/// over the scan's box and its lowest point on the scan's lowest.
-ModelParameters StartAt(const FootModel& model, const PointCloud& scan, double heading_rad,
-                        const Eigen::VectorXd& beta) {
-  ModelParameters start = RestParameters(model);
-  start.beta = beta;
-  start.theta.row(0) = Eigen::RowVector3d(0, 0, heading_rad);
-  const Eigen::MatrixX3d vertices = Forward(model, start).vertices_m;
-  Eigen::AlignedBox3d scan_box;
-  for (const Eigen::Vector3f& p : scan.points_m) scan_box.extend(p.cast<double>());
-  const Eigen::Vector3d low = vertices.colwise().minCoeff(), high = vertices.colwise().maxCoeff();
-  start.translation_m = scan_box.center() - 0.5 * (low + high);
-  start.translation_m.z() = scan_box.min().z() - low.z();
-  return start;
+/// A scan thinned for each stage.
+struct Thinned {
+  PointCloud coarse, middle, fine;
+};
+
+Thinned Thin(const PointCloud& scan, const FitOptions& options) {
+  return {ThinForFit(scan, options.coarse_points), ThinForFit(scan, options.middle_points),
+          ThinForFit(scan, options.fine_points)};
 }
 
-/// Angle of the scan's long horizontal axis from +y, in (-pi/2, pi/2].
-double LongAxis(const PointCloud& scan) {
-  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
-  for (const Eigen::Vector3f& p : scan.points_m) mean += p.head<2>().cast<double>();
-  mean /= static_cast<double>(scan.Size());
-  Eigen::Matrix2d scatter = Eigen::Matrix2d::Zero();
-  for (const Eigen::Vector3f& p : scan.points_m) {
-    const Eigen::Vector2d d = p.head<2>().cast<double>() - mean;
-    scatter += d * d.transpose();
+/// Best fit of each side that was tried, to the middle stage; cost infinite for the other.
+struct ScratchFit {
+  std::array<PoseFit, 2> fits;  ///< by Side
+  ScratchFit() {
+    for (PoseFit& fit : fits) fit.cost = std::numeric_limits<double>::infinity();
   }
-  const Eigen::Vector2d axis = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(scatter).eigenvectors().col(1);
-  const double angle = std::atan2(-axis.x(), axis.y());
-  return angle > M_PI / 2 ? angle - M_PI : angle <= -M_PI / 2 ? angle + M_PI : angle;
-}
+  PoseFit& Of(Side side) { return fits[static_cast<std::size_t>(side)]; }
+};
 
-/// Both sides, toes at either end: the start whose fit explains most of the scan.
-SidedFit FitFromScratch(const FootModel& right, const FootModel& left, const PointCloud& scan,
-                        std::optional<Side> known_side, const FitOptions& options) {
-  const double axis = LongAxis(scan);
-  SidedFit best;
-  best.fit.cost = std::numeric_limits<double>::infinity();
-  for (const Side side : {Side::kRight, Side::kLeft}) {
-    if (known_side && side != *known_side) continue;
-    const FootModel& model = side == Side::kRight ? right : left;
-    for (const double heading : {axis, axis + M_PI}) {
-      const ModelParameters start = StartAt(model, scan, heading, Eigen::VectorXd::Zero(model.NumBetas()));
-      PoseFit fit = FitPose(model, scan, start, kAlign, options.pose);
-      fit = FitPose(model, scan, fit.parameters, kCoarse, options.pose);
-      if (fit.cost < best.fit.cost) best = {side, fit};
-    }
+/// Without a frame before: from the best placements of the resting foot.
+ScratchFit FitFromScratch(const Sides& models, const Thinned& scan, const Eigen::VectorXd& beta,
+                          std::optional<Side> side, std::optional<double> heading, bool free_shape,
+                          const FitOptions& options) {
+  ScratchFit best;
+  for (const FootStart& start :
+       FindFootStarts(models.right, models.left, scan.coarse, beta, side, heading)) {
+    PoseFit fit = FitPose(models.Of(start.side), scan.coarse, start.parameters,
+                          With(kCoarse, free_shape), options.pose);
+    fit.cost += 0.2 * start.cost;  // a foot that the scan does not cover fits as well otherwise
+    if (fit.cost < best.Of(start.side).cost) best.Of(start.side) = fit;
   }
-  const FootModel& model = best.side == Side::kRight ? right : left;
-  best.fit = FitPose(model, scan, best.fit.parameters, kMiddle, options.pose);
-  best.fit = FitPose(model, scan, best.fit.parameters, kFine, options.pose);
+  for (const Side s : {Side::kRight, Side::kLeft}) {
+    PoseFit& fit = best.Of(s);
+    if (!std::isfinite(fit.cost)) continue;
+    fit = FitPose(models.Of(s), scan.middle, fit.parameters, With(kMiddle, free_shape), options.pose);
+  }
   return best;
+}
+
+/// What the subject pass finds: side, shape and the fits it rests on.
+struct SubjectFit {
+  Side side = Side::kRight;
+  Eigen::VectorXd beta, beta_sd;
+  std::map<std::size_t, PoseFit> fits;  ///< by frame, of that side
+};
+
+SubjectFit FitSubject(const Sides& models, const std::vector<Thinned>& scans,
+                      const std::vector<std::size_t>& with_foot, const FitOptions& options) {
+  const Eigen::Index betas = models.right.NumBetas();
+  const Eigen::VectorXd none = Eigen::VectorXd::Zero(betas);
+  SubjectFit subject{Side::kRight, none, Eigen::VectorXd::Ones(betas), {}};
+  const auto frames = std::min<std::size_t>(with_foot.size(), static_cast<std::size_t>(options.shape_frames));
+  std::array<double, 2> costs{0, 0};
+  std::optional<Side> decided;
+  std::map<std::size_t, ScratchFit> fits;
+  for (std::size_t k = 0; k < frames; ++k) {
+    const std::size_t f = with_foot[(2 * k + 1) * with_foot.size() / (2 * frames)];
+    fits[f] = FitFromScratch(models, scans[f], none, decided, {}, true, options);
+    if (decided) continue;
+    for (std::size_t s = 0; s < 2; ++s) costs[s] += std::min(fits[f].fits[s].cost, 1.0);
+    subject.side = costs[0] <= costs[1] ? Side::kRight : Side::kLeft;
+    if (std::min(costs[0], costs[1]) < options.side_ratio * std::max(costs[0], costs[1]))
+      decided = subject.side;
+  }
+  // Shapes of the frames that fit about as well as the best one.
+  double least = std::numeric_limits<double>::infinity();
+  const FootModel& model = models.Of(subject.side);
+  for (auto& [f, fit] : fits) {
+    PoseFit& mine = fit.Of(subject.side);
+    if (!std::isfinite(mine.cost)) continue;
+    mine = FitPose(model, scans[f].fine, mine.parameters, kFine, options.pose);
+    least = std::min(least, mine.cost);
+    subject.fits[f] = mine;
+  }
+  int shapes = 0;
+  Eigen::VectorXd variance = Eigen::VectorXd::Zero(betas);
+  for (auto& [f, fit] : subject.fits) {
+    if (fit.cost > 2 * least + 0.01) continue;
+    AddCovariance(model, scans[f].fine, kFine, options.pose, fit);
+    const ParameterColumns columns = ColumnsOf(model, fit.parameters);
+    variance += fit.covariance.diagonal().segment(columns.beta, betas);
+    subject.beta += fit.parameters.beta;
+    ++shapes;
+  }
+  if (shapes > 0) {
+    subject.beta /= shapes;
+    subject.beta_sd = (variance / shapes / shapes).cwiseSqrt();
+  }
+  return subject;
 }
 
 FrameFit EmptyFrame(const FootModel& model, std::int64_t trigger, std::size_t points) {
@@ -150,22 +191,17 @@ FrameFit FinishFrame(const FootModel& model, Side side, std::int64_t trigger, co
 
 }  // namespace
 
-PointCloud ThinForFit(const PointCloud& scan, double height_m, std::size_t count) {
-  PointCloud thinned;
-  if (scan.Size() == 0) return thinned;
-  std::vector<float> heights;
-  heights.reserve(scan.Size());
-  for (const Eigen::Vector3f& p : scan.points_m) heights.push_back(p.z());
-  const auto low = heights.begin() + static_cast<std::ptrdiff_t>(heights.size() / 100);
-  std::nth_element(heights.begin(), low, heights.end());
-  const float limit = *low + static_cast<float>(height_m);
-  std::vector<std::size_t> kept;
+PointCloud ThinForFit(const PointCloud& scan, std::size_t count) {
+  std::vector<std::size_t> finite;
+  finite.reserve(scan.Size());
   for (std::size_t i = 0; i < scan.Size(); ++i) {
-    if (scan.points_m[i].z() <= limit && scan.points_m[i].allFinite()) kept.push_back(i);
+    if (scan.points_m[i].allFinite()) finite.push_back(i);
   }
-  const double step = std::max(1.0, static_cast<double>(kept.size()) / static_cast<double>(count));
-  for (double at = 0; at < static_cast<double>(kept.size()); at += step) {
-    const std::size_t i = kept[static_cast<std::size_t>(at)];
+  PointCloud thinned;
+  const double step =
+      std::max(1.0, static_cast<double>(finite.size()) / static_cast<double>(count));
+  for (double at = 0; at < static_cast<double>(finite.size()); at += step) {
+    const std::size_t i = finite[static_cast<std::size_t>(at)];
     thinned.points_m.push_back(scan.points_m[i]);
     if (!scan.normals.empty()) thinned.normals.push_back(scan.normals[i]);
     if (!scan.sigma_m.empty()) thinned.sigma_m.push_back(scan.sigma_m[i]);
@@ -178,80 +214,58 @@ FitSequence FitFrames(const FootModel& right, const FootModel& left, std::span<c
                       const FitProgress& progress) {
   Require(clouds.size() == triggers.size(),
           fmt::format("fit: {} clouds for {} triggers", clouds.size(), triggers.size()));
-  std::vector<PointCloud> thinned;
-  for (const PointCloud& cloud : clouds) {
-    thinned.push_back(ThinForFit(cloud, options.model_height_m, options.fit_points));
+  const Sides models{right, left};
+  std::vector<Thinned> scans;
+  std::vector<std::size_t> with_foot;
+  for (std::size_t f = 0; f < clouds.size(); ++f) {
+    scans.push_back(Thin(clouds[f], options));
+    if (clouds[f].Size() >= static_cast<std::size_t>(options.minimum_points)) with_foot.push_back(f);
   }
-  const auto has_foot = [&](std::size_t f) {
-    return clouds[f].Size() >= static_cast<std::size_t>(options.minimum_points);
-  };
-
-  // Subject pass: shape and side from the first frames with a foot.
-  std::vector<std::optional<PoseFit>> fits(clouds.size());
-  std::optional<Side> side;
-  Eigen::VectorXd beta_sum = Eigen::VectorXd::Zero(right.NumBetas());
-  int shapes = 0;
-  int done = 0;
-  std::optional<ModelParameters> latest;
-  for (std::size_t f = 0; f < clouds.size() && shapes < options.shape_frames; ++f) {
-    if (!has_foot(f)) {
-      latest.reset();
-      continue;
-    }
-    PoseFit fit;
-    if (latest) {
-      fit = FitPose(side == Side::kLeft ? left : right, thinned[f], *latest, kMiddle, options.pose);
-      fit = FitPose(side == Side::kLeft ? left : right, thinned[f], fit.parameters, kFine, options.pose);
-    } else {
-      const SidedFit sided = FitFromScratch(right, left, thinned[f], side, options);
-      side = sided.side;
-      fit = sided.fit;
-    }
-    latest = fit.parameters;
-    fits[f] = fit;
-    beta_sum += fit.parameters.beta;
-    ++shapes;
-    if (progress) progress(++done, static_cast<int>(clouds.size()));
-  }
+  const SubjectFit subject = FitSubject(models, scans, with_foot, options);
+  const FootModel& model = models.Of(subject.side);
 
   FitSequence sequence;
-  sequence.beta = shapes ? Eigen::VectorXd(beta_sum / shapes) : beta_sum;
-  sequence.beta_sd = Eigen::VectorXd::Ones(sequence.beta.size());
-  const FootModel& model = side == Side::kLeft ? left : right;
-
-  // Sequence pass: the subject's shape, each frame from the one before it.
+  sequence.beta = subject.beta;
+  sequence.beta_sd = subject.beta_sd;
   std::optional<ModelParameters> previous;
+  std::optional<double> heading;
   for (std::size_t f = 0; f < clouds.size(); ++f) {
-    if (!has_foot(f)) {
+    if (progress) progress(static_cast<int>(f), static_cast<int>(clouds.size()));
+    if (!std::binary_search(with_foot.begin(), with_foot.end(), f)) {
       sequence.frames.push_back(EmptyFrame(model, triggers[f], clouds[f].Size()));
       previous.reset();
       continue;
     }
-    const bool started = fits[f].has_value();
-    ModelParameters start = started    ? fits[f]->parameters
-                            : previous ? *previous
-                                       : FitFromScratch(right, left, thinned[f], side, options).fit.parameters;
-    start.beta = sequence.beta;
-    PoseFit fit = FitPose(model, thinned[f], start, FixedShape(kMiddle), options.pose);
-    fit = FitPose(model, thinned[f], fit.parameters, FixedShape(kFine), options.pose);
-    FrameFit frame = FinishFrame(model, *side, triggers[f], clouds[f], thinned[f], fit, options);
+    PoseFit fit;
+    fit.cost = std::numeric_limits<double>::infinity();
+    const auto known = subject.fits.find(f);
+    std::optional<ModelParameters> start = previous;
+    if (known != subject.fits.end()) start = known->second.parameters;
+    if (start) {
+      start->beta = subject.beta;
+      fit = FitPose(model, scans[f].coarse, *start, With(kCoarse, false), options.pose);
+      fit = FitPose(model, scans[f].middle, fit.parameters, With(kMiddle, false), options.pose);
+    }
+    for (const auto& hint : {heading, std::optional<double>()}) {
+      if (!(fit.cost > options.tracked_cost)) break;
+      PoseFit other = FitFromScratch(models, scans[f], subject.beta, subject.side, hint, false, options)
+                          .Of(subject.side);
+      if (other.cost < fit.cost) fit = other;
+      if (!heading) break;
+    }
+    if (std::isfinite(fit.cost))
+      fit = FitPose(model, scans[f].fine, fit.parameters, With(kFine, false), options.pose);
+    else
+      fit.parameters = RestParameters(model);
+    FrameFit frame = FinishFrame(model, subject.side, triggers[f], clouds[f], scans[f].fine, fit, options);
+    previous.reset();
     if (frame.verdict == "good") {
       previous = fit.parameters;
-    } else {
-      previous.reset();
+      heading = HeadingOf(fit.parameters);
     }
     sequence.frames.push_back(std::move(frame));
-    if (!started && progress) progress(++done, static_cast<int>(clouds.size()));
   }
-  if (shapes > 0) {
-    const std::size_t first = static_cast<std::size_t>(
-        std::find_if(fits.begin(), fits.end(), [](const auto& fit) { return fit.has_value(); }) - fits.begin());
-    PoseFit at = *fits[first];
-    AddCovariance(model, thinned[first], kFine, options.pose, at);
-    const ParameterColumns columns = ColumnsOf(model, at.parameters);
-    sequence.beta_sd =
-        (at.covariance.diagonal().segment(columns.beta, sequence.beta.size()) / shapes).cwiseSqrt();
-  }
+  if (progress) progress(static_cast<int>(clouds.size()), static_cast<int>(clouds.size()));
   return sequence;
 }
 

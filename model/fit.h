@@ -13,10 +13,13 @@
 namespace sole::model {
 
 struct FitOptions {
-  int shape_frames = 5;          ///< frames whose shapes are averaged into the subject's
-  int minimum_points = 1000;     ///< fewer scan points in the model's reach: no foot in the frame
-  double model_height_m = 0.11;  ///< scan points higher than this above the lowest belong to the shank
-  std::size_t fit_points = 4000; ///< scan points the pose fit uses, evenly thinned
+  int shape_frames = 4;            ///< frames, spread over the take, whose shapes are averaged into the subject's
+  int minimum_points = 1000;       ///< fewer scan points: no foot in the frame
+  std::size_t coarse_points = 500; ///< scan points that each stage of the pose fit uses, evenly thinned
+  std::size_t middle_points = 1200;
+  std::size_t fine_points = 2500;
+  double tracked_cost = 0.12;      ///< robust cost above which a frame is also fitted from scratch
+  double side_ratio = 0.8;         ///< of the two sides' costs below which the side is decided
   double good_residual_m = 0.0015;
   double good_matched = 0.6;
   PoseFitOptions pose;
@@ -26,16 +29,16 @@ struct FitOptions {
 /// Called after each finished frame with the number done and the number in all.
 using FitProgress = std::function<void(int, int)>;
 
-/// Registers and fits one foot over the scans of a take (world frame, one cloud per trigger, in order of time). The
-/// first frames give the subject's shape, side and pose from several starts; shape is then fixed and every
-/// frame starts from the one before. `right` and `left` are the two sides of one model; which one it is
-/// is decided from the data. Frames without a foot have found = false.
+/// Registers and fits one foot over the scans of a take (world frame, one cloud per trigger, in order of time).
+/// Some frames spread over the take give side and shape, each from scratch (foot_start.h); shape is then fixed, and
+/// every frame starts from the one before. A frame that this does not explain is fitted from scratch, too, and the
+/// better one kept. `right` and `left` are the two sides of one model; which one it is is decided from the data.
+/// Frames without a foot have found = false.
 FitSequence FitFrames(const FootModel& right, const FootModel& left, std::span<const PointCloud> clouds,
                       std::span<const std::int64_t> triggers, const FitOptions& options = {},
                       const FitProgress& progress = {});
 
-/// Every part of a scan that a foot model can explain: points up to `height_m` above the lowest percentile, thinned to about
-/// `count` by taking every k-th.
-PointCloud ThinForFit(const PointCloud& scan, double height_m, std::size_t count);
+/// A cloud of about `count` points, by taking every k-th of the finite ones.
+PointCloud ThinForFit(const PointCloud& scan, std::size_t count);
 
 }  // namespace sole::model

@@ -1,5 +1,6 @@
 #include "model/pose_fit.h"
 
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -9,6 +10,7 @@
 #include <tbb/parallel_for.h>
 
 #include "core/error.h"
+#include "model/foot_start.h"
 #include "model/jacobian.h"
 #include "model/mesh_topology.h"
 #include "model/surface_cost_internal.h"
@@ -24,7 +26,7 @@ Correspondences FindCorrespondences(const FootModel& model, const PointCloud& sc
   const TriangleMesh surface = MeshOf(model, variant, Forward(model, parameters, variant).vertices_m);
   const SurfaceQuery query(surface);
   const std::vector<Eigen::Vector3d> normals = VertexNormals(surface);
-  const std::vector<bool> boundary = BoundaryVertices(surface);
+  const RimPlane rim = RimPlaneOf(surface, BoundaryVertices(surface));
   struct Found {
     SurfacePoint place;
     Eigen::Vector3d normal;
@@ -35,6 +37,8 @@ Correspondences FindCorrespondences(const FootModel& model, const PointCloud& sc
   std::vector<Found> found(scan.Size());
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, scan.Size(), 128), [&](const auto& range) {
     for (std::size_t i = range.begin(); i < range.end(); ++i) {
+      found[i].beyond = rim.Beyond(scan.points_m[i].cast<double>());
+      if (found[i].beyond) continue;
       const auto hit = query.Closest(scan.points_m[i].cast<double>(), stage.radius_m);
       if (!hit) continue;
       const Eigen::Vector3i& t = surface.triangles[static_cast<std::size_t>(hit->point.triangle)];
@@ -42,7 +46,6 @@ Correspondences FindCorrespondences(const FootModel& model, const PointCloud& sc
       for (int k = 0; k < 3; ++k) {
         const auto v = static_cast<std::size_t>(t[k]);
         normal += hit->point.barycentric[k] * normals[v];
-        found[i].beyond |= boundary[v] && hit->point.barycentric[k] > 0.99;
       }
       normal.normalize();
       if (!scan.normals.empty() &&
@@ -128,9 +131,16 @@ PoseFit FitPose(const FootModel& model, const PointCloud& scan, const ModelParam
     ceres::Solver::Summary summary;
     ceres::Solve(solver, &problem, &summary);
 
-    for (Eigen::Index j = 0; j < joints; ++j) fit.parameters.theta.row(j) = theta.segment<3>(3 * j);
+    const double moved = (translation - fit.parameters.translation_m).norm();
+    double turned = 0;
+    for (Eigen::Index j = 0; j < joints; ++j) {
+      turned = std::max(turned, (theta.segment<3>(3 * j) - fit.parameters.theta.row(j).transpose()).norm());
+      fit.parameters.theta.row(j) = theta.segment<3>(3 * j);
+    }
+    const double reshaped = (beta - fit.parameters.beta).lpNorm<Eigen::Infinity>();
     fit.parameters.beta = beta;
     fit.parameters.translation_m = translation;
+    if (moved < options.still_m && turned < options.still_rad && reshaped < options.still_beta) break;
   }
   const Correspondences last = FindCorrespondences(model, scan, fit.parameters, stage, options);
   fit.cost = last.cost;

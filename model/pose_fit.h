@@ -23,7 +23,10 @@ struct PoseFitOptions {
   double joint_prior_sd = 0.3;         ///< rad, every joint but the root
   double glass_height_m = 0.0003;      ///< scan points lower than this lie on the glass: flesh pressed flat there may
                                        ///< reach below it in a model without contact, so they only push up
-  int solver_iterations = 4;           ///< Levenberg-Marquardt steps between two searches
+  int solver_iterations = 2;           ///< Levenberg-Marquardt steps between two searches
+  double still_m = 5e-5;               ///< a round that moves, turns and reshapes less ends the stage
+  double still_rad = 1e-3;
+  double still_beta = 0.01;
 };
 
 /// State of a fit and how good it is.

@@ -37,14 +37,14 @@ std::vector<Match> FindMatches(const TriangleMesh& surface, const std::vector<bo
       if (!hit) continue;
       const Eigen::Vector3i& t = surface.triangles[static_cast<std::size_t>(hit->point.triangle)];
       Eigen::Vector3d normal = Eigen::Vector3d::Zero();
-      bool beyond = false;
+      double on_rim = 0;
       for (int k = 0; k < 3; ++k) {
         const auto v = static_cast<std::size_t>(t[k]);
         normal += hit->point.barycentric[k] * normals[v];
-        beyond |= boundary[v] && hit->point.barycentric[k] > 0.99;
+        on_rim += boundary[v] ? hit->point.barycentric[k] : 0;
       }
       normal.normalize();
-      if (beyond) continue;
+      if (on_rim > 0.99) continue;  // the shank above the model
       if (!scan.normals.empty() &&
           scan.normals[i].cast<double>().dot(normal) < options.minimum_normal_cosine) {
         continue;
