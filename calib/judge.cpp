@@ -79,7 +79,9 @@ std::vector<Corner> CornersSeenFrom(const Rig& rig, bool below,
   std::map<int, std::vector<Seen>> seen;
   for (std::size_t c = 0; c < frame.size(); ++c) {
     if (LooksThroughPlate(rig.cameras[c], rig.plate) != below) continue;
-    for (const PointObservation& o : frame[c].target) seen[o.point].push_back({c, o.pixel});
+    for (const PointObservation& o : frame[c].target) {
+      if (o.sigma_px <= kJudgeSigma_px) seen[o.point].push_back({c, o.pixel});
+    }
   }
   std::vector<Corner> corners;
   for (const auto& [corner, views] : seen) {

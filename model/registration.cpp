@@ -114,8 +114,9 @@ TriangleMesh Displaced(const TriangleMesh& model, const Eigen::VectorXd& displac
   return moved;
 }
 
-/// Robust weights: Geman-McClure on the distance, with a scale that follows the median.
-void Reweight(std::vector<Match>& matches) {
+/// Robust weights: Geman-McClure on the distance, with a scale that follows the median, and half of the
+/// search radius at least: flesh pressed flat lies millimetres from the model and is no outlier.
+void Reweight(double radius_m, std::vector<Match>& matches) {
   std::vector<double> distances;
   for (const Match& match : matches) {
     if (match.weight > 0) distances.push_back(match.distance_m);
@@ -123,7 +124,7 @@ void Reweight(std::vector<Match>& matches) {
   if (distances.empty()) return;
   const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
   std::nth_element(distances.begin(), middle, distances.end());
-  const double scale2 = std::pow(std::max(4 * *middle, 2e-4), 2);
+  const double scale2 = std::pow(std::max({4 * *middle, 2e-4, 0.5 * radius_m}), 2);
   for (Match& match : matches) {
     if (match.weight > 0) match.weight = std::pow(scale2 / (scale2 + match.distance_m * match.distance_m), 2);
   }
@@ -185,7 +186,7 @@ Registration RegisterFree(const TriangleMesh& model, const PointCloud& scan,
         options.search_radius_m * std::pow(options.final_radius_m / options.search_radius_m, progress);
     const double stiffness = options.stiffness * std::pow(options.final_stiffness / options.stiffness, progress);
     matches = FindMatches(surface, boundary, scan, radius, options);
-    Reweight(matches);
+    Reweight(radius, matches);
     surface = Displaced(model, SolveDisplacements(model, edges, matches, stiffness, options));
   }
 

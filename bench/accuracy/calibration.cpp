@@ -1,15 +1,20 @@
 // Calibration of a simulated take against the rig that was simulated.
-// usage: bench_calibration TAKE --seed S [--no-plate]
+// usage: bench_calibration TAKE --seed S [--no-plate] [--worst N]
 // TAKE: calibration take (of sole demo, or of sole sim render --calibration) made with --seed S.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
+#include <map>
+#include <string>
 #include <vector>
 
 #include "app/take_list.h"
 #include "calib/calibrate.h"
+#include "calib/detect.h"
+#include "calib/judge.h"
 #include "core/error.h"
 #include "sim/true_rig.h"
 
@@ -74,7 +79,60 @@ void PrintPoses(const Rig& rig, const sim::TrueRig& truth) {
              rms(middles), worst_middle);
 }
 
-int Run(const std::string& path, std::uint64_t seed, bool no_plate) {
+/// A corner as cameras of one side of the plate see it, and how far it is from where the body has it.
+struct CornerError {
+  double error_mm;
+  std::size_t frame;
+  int corner;
+  std::string views;
+};
+
+/// The corners of all frames that are furthest from the body laid on the frame's corners.
+void PrintWorst(const Rig& rig, const calib::TakeObservations& seen,
+                const std::vector<Eigen::Vector3d>& body, std::size_t count) {
+  std::vector<CornerError> errors;
+  for (std::size_t f = 0; f < seen.frames.size(); ++f) {
+    std::vector<CornerError> found;
+    std::vector<Eigen::Vector3d> world, known;
+    for (const bool below : {false, true}) {
+      std::map<int, std::pair<std::vector<Ray>, std::string>> rays;
+      for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+        if (LooksThroughPlate(rig.cameras[c], rig.plate) != below) continue;
+        for (const calib::PointObservation& o : seen.frames[f][c].target) {
+          auto& entry = rays[o.point];
+          entry.first.push_back(RayFromPixel(rig.cameras[c], rig.plate, o.pixel));
+          entry.second += fmt::format(" {} (sigma {:.3f} px)", rig.cameras[c].serial, o.sigma_px);
+        }
+      }
+      for (const auto& [corner, entry] : rays) {
+        if (entry.first.size() < 2) continue;
+        world.push_back(calib::NearestPoint(entry.first));
+        known.push_back(body[static_cast<std::size_t>(corner)]);
+        found.push_back({0, f, corner, entry.second});
+      }
+    }
+    if (found.size() < 4) continue;
+    const auto n = static_cast<Eigen::Index>(found.size());
+    Eigen::Matrix3Xd from(3, n), to(3, n);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      from.col(i) = known[static_cast<std::size_t>(i)];
+      to.col(i) = world[static_cast<std::size_t>(i)];
+    }
+    const Eigen::Matrix4d pose = Eigen::umeyama(from, to, false);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      CornerError& error = found[static_cast<std::size_t>(i)];
+      error.error_mm = 1e3 * (pose.topLeftCorner<3, 4>() * from.col(i).homogeneous() - to.col(i)).norm();
+      errors.push_back(error);
+    }
+  }
+  std::sort(errors.begin(), errors.end(),
+            [](const CornerError& a, const CornerError& b) { return a.error_mm > b.error_mm; });
+  for (std::size_t i = 0; i < std::min(count, errors.size()); ++i)
+    fmt::print("{:.4f} mm: pose {}, corner {}, seen by{}\n", errors[i].error_mm, errors[i].frame + 1,
+               errors[i].corner, errors[i].views);
+}
+
+int Run(const std::string& path, std::uint64_t seed, bool no_plate, std::size_t worst) {
   app::TakeList take({path});
   const RigConfig& config = take.Config();
   calib::CalibrateOptions options;
@@ -89,6 +147,7 @@ int Run(const std::string& path, std::uint64_t seed, bool no_plate) {
              s.heldout_rms_air_mm, s.heldout_rms_glass_mm, s.heldout_rms_across_mm,
              s.heldout_max_mm, s.heldout_points, s.heldout_rejected);
   PrintPoses(calibration.rig, sim::DrawTrueRig(config, seed));
+  PrintWorst(calibration.rig, seen, calib::TargetCorners(calib::TargetOf(config).body), worst);
   for (const std::string& failure : s.failures) fmt::print("FAILS: {}\n", failure);
   return 0;
 }
@@ -101,12 +160,14 @@ int main(int argc, char** argv) {
   std::string take;
   std::uint64_t seed = 1;
   bool no_plate = false;
+  std::size_t worst = 0;
   program.add_option("TAKE", take, "Calibration take")->required();
   program.add_option("--seed", seed, "Seed that it was made with")->required();
   program.add_flag("--no-plate", no_plate, "Calibrates as if there were no glass");
+  program.add_option("--worst", worst, "Corners with the largest errors to list");
   CLI11_PARSE(program, argc, argv);
   try {
-    return sole::bench::Run(take, seed, no_plate);
+    return sole::bench::Run(take, seed, no_plate, worst);
   } catch (const sole::Error& error) {
     fmt::print(stderr, "bench_calibration: {}\n", error.what());
     return 1;

@@ -75,6 +75,8 @@ struct Score {
   int good_but_far = 0;  ///< verdict good, registered points 3 mm from their places and more
   double registration = 0, worst_registration = 0, fit[2] = {0, 0}, residual = 0, seconds = 0;
   int fitted[2] = {0, 0};
+  double vertex[2] = {0, 0};  ///< registered vertices' distances, free and touching ones
+  long vertices[2] = {0, 0};
   long both = 0, said = 0, touching = 0, free_right = 0, free = 0;
 };
 
@@ -104,6 +106,8 @@ void Add(const Take& take, const FitSequence& fit, const app::ModelPair& models,
       fitted += (frame.vertices_m.row(row).transpose() - places[v]).norm();
       const double gap = places[v].z();
       const bool is = gap < contact::kContactGap_m, label = labels.contact[v] != 0;
+      score.vertex[is] += 1e3 * (frame.registration_m.row(row).transpose() - places[v]).norm();
+      ++score.vertices[is];
       touches |= is;
       if (gap < 0.00005 || gap > 0.00015) {
         score.both += is && label;
@@ -136,7 +140,7 @@ int Run(const Arguments& a) {
   const app::ModelPair models =
       app::LoadModelPair(a.model.empty() ? app::DefaultModelPath() : std::filesystem::path(a.model));
   fmt::print(
-      "| motion | takes | frames | found | good | good but off | wrong side | registration, mm: mean, worst | fit, "
+      "| motion | takes | frames | found | good | good but off | wrong side | registration, mm: mean, worst, of free and touching vertices | fit, "
       "mm: contact, air | scan to surface, mm | contact F1 | near but free | s a frame |\n"
       "|---|---|---|---|---|---|---|---|---|---|---|---|---|\n");
   for (const std::string& name : a.motions) {
@@ -151,9 +155,10 @@ int Run(const Arguments& a) {
       Add(take, fit, models, name, a.verbose, s);
     }
     const auto mean = [](double sum, int n) { return n ? fmt::format("{:.2f}", sum / n) : "-"; };
-    fmt::print("| {} | {} | {} | {} | {} | {} | {} | {}, {:.2f} | {}, {} | {:.3f} | {:.3f} | {:.3f} | {:.2f} |\n", name,
+    fmt::print("| {} | {} | {} | {} | {} | {} | {} | {}, {:.2f}, {:.2f}, {:.2f} | {}, {} | {:.3f} | {:.3f} | {:.3f} | {:.2f} |\n", name,
                s.takes, s.frames, s.found, s.good, s.good_but_far, s.wrong_side,
-               mean(s.registration, s.found), s.worst_registration, mean(s.fit[1], s.fitted[1]),
+               mean(s.registration, s.found), s.worst_registration,
+               s.vertex[0] / double(std::max(s.vertices[0], 1L)), s.vertex[1] / double(std::max(s.vertices[1], 1L)), mean(s.fit[1], s.fitted[1]),
                mean(s.fit[0], s.fitted[0]), s.found ? s.residual / s.found : 0.0,
                s.said + s.touching ? 2.0 * double(s.both) / double(s.said + s.touching) : 1.0,
                s.free ? double(s.free_right) / double(s.free) : 1.0, s.seconds / s.frames);
