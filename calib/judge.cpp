@@ -4,6 +4,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -15,7 +16,20 @@ namespace {
 struct Seen {
   std::size_t camera;
   Eigen::Vector2d pixel;
+  double sigma_px = 0;
 };
+
+/// Standard deviation of the worst direction of a point that these views triangulate, metres.
+double SigmaOf(const Rig& rig, const std::vector<Seen>& views, const Eigen::Vector3d& point) {
+  Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+  for (const Seen& view : views) {
+    const Camera& camera = rig.cameras[view.camera];
+    const Eigen::Vector3d ray = point - camera.CentreInWorld(), along = ray.normalized();
+    const double sigma_m = view.sigma_px * ray.norm() / camera.intrinsics[0];
+    information += (Eigen::Matrix3d::Identity() - along * along.transpose()) / (sigma_m * sigma_m);
+  }
+  return 1 / std::sqrt(Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(information).eigenvalues()[0]);
+}
 
 /// Point from two or more views; not finite if they do not suffice or disagree by more than
 /// `reject_px`.
@@ -70,6 +84,7 @@ namespace {
 /// A corner as it was measured, and where it is in the body.
 struct Corner {
   Eigen::Vector3d world, body;
+  double sigma_m = 0;
 };
 
 std::vector<Corner> CornersSeenFrom(const Rig& rig, bool below,
@@ -79,9 +94,7 @@ std::vector<Corner> CornersSeenFrom(const Rig& rig, bool below,
   std::map<int, std::vector<Seen>> seen;
   for (std::size_t c = 0; c < frame.size(); ++c) {
     if (LooksThroughPlate(rig.cameras[c], rig.plate) != below) continue;
-    for (const PointObservation& o : frame[c].target) {
-      if (o.sigma_px <= kJudgeSigma_px) seen[o.point].push_back({c, o.pixel});
-    }
+    for (const PointObservation& o : frame[c].target) seen[o.point].push_back({c, o.pixel, o.sigma_px});
   }
   std::vector<Corner> corners;
   for (const auto& [corner, views] : seen) {
@@ -89,7 +102,8 @@ std::vector<Corner> CornersSeenFrom(const Rig& rig, bool below,
     ++points;
     const Eigen::Vector3d point = Triangulate(rig, views, reject_px);
     if (point.allFinite()) {
-      corners.push_back({point, target_corners[static_cast<std::size_t>(corner)]});
+      corners.push_back({point, target_corners[static_cast<std::size_t>(corner)],
+                         SigmaOf(rig, views, point)});
     } else {
       ++rejected;
     }
@@ -113,11 +127,26 @@ TargetErrors JudgeTarget(const Rig& rig, const TakeObservations& heldout,
                          const std::vector<Eigen::Vector3d>& target_corners, double reject_px) {
   ErrorSum air, glass, across;
   int points = 0;
+  std::vector<std::array<std::vector<Corner>, 2>> corners;  // by frame, seen from above and below
+  std::vector<double> sigmas;
   for (const auto& frame : heldout.frames) {
-    const std::vector<Corner> above = CornersSeenFrom(rig, false, frame, target_corners, reject_px,
-                                                      points, air.errors.rejected);
-    const std::vector<Corner> below = CornersSeenFrom(rig, true, frame, target_corners, reject_px,
-                                                      points, glass.errors.rejected);
+    corners.push_back({CornersSeenFrom(rig, false, frame, target_corners, reject_px, points,
+                                       air.errors.rejected),
+                       CornersSeenFrom(rig, true, frame, target_corners, reject_px, points,
+                                       glass.errors.rejected)});
+    for (const auto& side : corners.back()) {
+      for (const Corner& corner : side) sigmas.push_back(corner.sigma_m);
+    }
+  }
+  double limit = kJudgeSigma_m;
+  if (!sigmas.empty()) {
+    const auto middle = sigmas.begin() + static_cast<std::ptrdiff_t>(sigmas.size() / 2);
+    std::nth_element(sigmas.begin(), middle, sigmas.end());
+    limit = std::max(limit, kJudgeSigmas * *middle);
+  }
+  for (auto& [above, below] : corners) {
+    for (auto* side : {&above, &below})
+      std::erase_if(*side, [limit](const Corner& corner) { return corner.sigma_m > limit; });
     AddLengths(above, air);
     AddLengths(below, glass);
     for (const Corner& a : above) {

@@ -25,10 +25,16 @@ struct TargetErrors {
   int points = 0;       ///< seen by two or more cameras of one side, rejected ones included
 };
 
+/// Largest standard deviation of a triangulated corner that may judge, by the deviations that detection states:
+/// metres, and times that of the median corner where that is more. Corners on grazing faces are measured to a tenth
+/// of a pixel, 0.1 mm in depth, and would judge themselves instead of the calibration.
+inline constexpr double kJudgeSigma_m = 2e-5;
+inline constexpr double kJudgeSigmas = 1.5;
+
 /// Triangulates the target's corners in every frame of `heldout` from the cameras above the plate and
-/// again from those below (two or more per corner) and compares all distances between corners of one
-/// frame with the known body. A corner whose reprojection misses by more than `reject_px` is a wrong
-/// detection and left out.
+/// again from those below (two or more per corner, unless it is too uncertain: kJudgeSigma_m) and
+/// compares all distances between corners of one frame with the known body. A corner whose
+/// reprojection misses by more than `reject_px` is a wrong detection and left out.
 TargetErrors JudgeTarget(const Rig& rig, const TakeObservations& heldout,
                          const std::vector<Eigen::Vector3d>& target_corners,
                          double reject_px = 1.0);
