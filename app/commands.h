@@ -29,6 +29,7 @@ void AddCalibrateCommands(CLI::App& app, CommonOptions& common, int& status);
 void AddTargetCommands(CLI::App& app, CommonOptions& common, int& status);
 /// Below `calibrate`.
 void AddGroundCommand(CLI::App& calibrate, CommonOptions& common, int& status);
+void AddColmapCommands(CLI::App& calibrate, CommonOptions& common, int& status);
 void AddProcessingCommands(CLI::App& app, CommonOptions& common, int& status);
 void AddMatchCommand(CLI::App& app, CommonOptions& common, int& status);
 void AddModelCommands(CLI::App& app, CommonOptions& common, int& status);

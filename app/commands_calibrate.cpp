@@ -203,6 +203,7 @@ void AddCalibrateCommands(CLI::App& app, CommonOptions& common, int& status) {
   images->needs(target)->excludes(sheet)->excludes(method);
   target->needs(images);
   AddGroundCommand(*calibrate, common, status);
+  AddColmapCommands(*calibrate, common, status);
   CLI::App* check = calibrate->add_subcommand("check", "Scores a later take: which camera has moved since, and by how much");
   calibrate->callback([=, &common] {
     if (!calibrate->get_subcommands().empty()) return;

@@ -54,7 +54,7 @@ TEST_F(BadInput, WrongUsageIsStatusTwo) {
 }
 
 TEST_F(BadInput, EveryCommandHasHelpWithAnExample) {
-  for (const char* command : {"demo", "sim serve", "sim render", "sim people", "sim scans", "rig check", "record", "calibrate", "calibrate check", "calibrate ground", "target print", "reconstruct", "contact",
+  for (const char* command : {"demo", "sim serve", "sim render", "sim people", "sim scans", "rig check", "record", "calibrate", "calibrate check", "calibrate export", "calibrate ground", "calibrate import", "target print", "reconstruct", "contact",
                               "fit", "process", "measure", "export", "evaluate", "match", "model info",
                               "model convert", "model pose", "model separate"}) {
     const ProgramResult help = RunSole(std::string(command) + " --help");
@@ -79,6 +79,15 @@ TEST_F(BadInput, PicturesThatCannotBeCalibrated) {
   ExpectOneLine(calibrate("pictures", "chessboard:9x6:25mm"), {"2.png: is 640x480, but 1.png of the same camera 320x240"});
   fs::remove(directory / "pictures" / "left" / "2.png");
   ExpectOneLine(calibrate("pictures", "chessboard:9x6:25mm"), {"camera left sees the whole chessboard in 0 of 1 pictures"});
+  EXPECT_FALSE(fs::exists(directory / "c.json"));
+}
+
+TEST_F(BadInput, CrossCheckNeedsColmapAndCamerasInAir) {
+  const std::string out = " --out " + (directory / "c.json").string(), calibrate = "calibrate " + take.string() + out + " --method ";
+  EXPECT_EQ(RunSole(calibrate + "bundler").status, 2);
+  EXPECT_EQ(RunSole("calibrate --images pictures --target chessboard:9x6:25mm --method both" + out).status, 2);
+  ExpectOneLine(RunSole(calibrate + "both", "PATH=/nowhere"), {"the program colmap is not installed: run scripts/setup"});
+  ExpectOneLine(RunSole(calibrate + "colmap"), {"2 of 4 cameras look through the glass", "--method both"});
   EXPECT_FALSE(fs::exists(directory / "c.json"));
 }
 
