@@ -4,6 +4,7 @@
 
 #include <cctype>
 #include <filesystem>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -24,6 +25,9 @@ namespace {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
+
+/// Beyond these COLMAP went astray, such as by taking the target inside out, and there is nothing to compare.
+constexpr double kMost_px = 1, kMostTarget_mm = 0.5;
 
 /// Removed with all that is in it at the end.
 class TemporaryFolder {
@@ -92,7 +96,7 @@ std::vector<std::string> MapperArguments(const fs::path& database, const fs::pat
   return {"mapper", "--database_path", database, "--image_path", images, "--output_path", out,
           "--Mapper.extract_colors", "0", "--Mapper.multiple_models", "0", "--Mapper.min_model_size", "4",
           "--Mapper.num_threads", std::to_string(threads > 0 ? threads : -1),
-          "--Mapper.init_min_num_inliers", "15", "--Mapper.abs_pose_min_num_inliers", "10",
+          "--Mapper.init_min_num_inliers", "22", "--Mapper.init_min_tri_angle", "30", "--Mapper.abs_pose_min_num_inliers", "10",
           "--Mapper.ba_refine_focal_length", "0", "--Mapper.ba_refine_extra_params", "0",
           "--Mapper.init_max_error", "8", "--Mapper.abs_pose_max_error", "24", "--Mapper.filter_max_reproj_error", "16",
           "--Mapper.tri_merge_max_reproj_error", "16", "--Mapper.tri_complete_max_reproj_error", "16"};
@@ -122,10 +126,21 @@ calib::ColmapRig FindRigWithColmap(const RigConfig& config, const calib::TakeObs
   colmap(MapperArguments(database, folder.Make("images"), sparse, options.threads));
   Require(fs::is_directory(sparse / "0"), "COLMAP could not begin: no two images show enough of the target from two sides; "
                                           "record more poses, or calibrate with --method target");
-  const fs::path adjusted = folder.Make("adjusted"), rig = folder.Make("rig");
-  colmap({"bundle_adjuster", "--input_path", sparse / "0", "--output_path", adjusted,
-          "--BundleAdjustment.refine_principal_point", "1"});
-  const io::ColmapModel free = colmap.Read(adjusted, folder.Make("adjusted-text"));
+  const fs::path adjusted = folder.Make("adjusted"), filtered = folder.Make("filtered"), text = folder.Make("text"), rig = folder.Make("rig");
+  const auto adjust = [&](const fs::path& from, const char* principal_point) {
+    colmap({"bundle_adjuster", "--input_path", from, "--output_path", adjusted, "--BundleAdjustment.refine_principal_point", principal_point});
+    return colmap.Read(adjusted, text);
+  };
+  adjust(sparse / "0", "0");  // few images of few cameras would diverge with everything free at once
+  io::ColmapModel free = adjust(adjusted, "1");
+  // COLMAP's adjustment is not robust: wrong corners are taken out, and it is run again.
+  constexpr int kFilterRounds = 3;
+  for (int round = 0; round < kFilterRounds; ++round) {
+    const std::optional<double> limit_px = calib::OutlierLimitPx(free);
+    if (!limit_px) break;
+    colmap({"point_filtering", "--input_path", adjusted, "--output_path", filtered, "--max_reproj_error", std::to_string(*limit_px)});
+    free = adjust(filtered, "1");
+  }
   Require(2 * free.images.size() >= problem.images.size(),
           fmt::format("COLMAP placed {} of {} images only; record more poses, turned less from one to the next, or calibrate with "
                       "--method target", free.images.size(), problem.images.size()));
@@ -133,7 +148,11 @@ calib::ColmapRig FindRigWithColmap(const RigConfig& config, const calib::TakeObs
   WriteRigConfig(folder.Path() / "rig.json", free);
   colmap({"rig_bundle_adjuster", "--input_path", adjusted, "--output_path", rig, "--rig_config_path", folder.Path() / "rig.json",
           "--BundleAdjustment.refine_principal_point", "1"});
-  return calib::ReadColmapRig(problem, colmap.Read(rig, folder.Make("rig-text")), config);
+  const calib::ColmapRig found = calib::ReadColmapRig(problem, colmap.Read(rig, folder.Make("rig-text")), config);
+  Require(found.reprojection_rms_px < kMost_px && found.target_rms_mm < kMostTarget_mm,
+          fmt::format("COLMAP's rig does not fit its own images ({:.2f} px, target {:.2f} mm off); record more poses, or calibrate with "
+                      "--method target", found.reprojection_rms_px, found.target_rms_mm));
+  return found;
 }
 
 ColmapCheck CheckWithColmap(const RigConfig& config, const calib::TakeObservations& observations, const Rig& calibrated,

@@ -141,7 +141,7 @@ Agreement CompareWithColmap(const Rig& ours, const ColmapRig& colmap, const Agre
     a.direction_deg = std::atan2(in_our.head<2>().norm(), in_our.z()) * 180 / M_PI;
     a.focal_px = 0.5 * (theirs.intrinsics.head<2>() - our.intrinsics.head<2>()).sum();
     a.view_px = DifferenceOf(our, theirs, colmap.seen_m[c], ours_from_colmap).rms_px;
-    a.agrees = a.centre_mm <= limits.centre_mm && a.view_px <= limits.view_px;
+    a.agrees = a.view_px <= limits.view_px;
     agreement.cameras.push_back(a);
     centres += a.centre_mm * a.centre_mm;
     directions += a.direction_deg * a.direction_deg;

@@ -8,9 +8,9 @@
 
 namespace sole::calib {
 
-/// How far two estimates of a camera may lie apart before one of them must be wrong.
+/// How far two estimates of a camera may lie apart before one of them must be wrong. Judged is what
+/// they see: centre, direction and lens can give way to each other and still see the same.
 struct AgreementLimits {
-  double centre_mm = 0.5;
   double view_px = 0.1;  ///< 0.02 mm where a foot stands
 };
 

@@ -43,6 +43,33 @@ std::vector<int> IdentifyPoints(const io::ColmapModel& solved,
   return identity;
 }
 
+/// Distances of a camera's pixels from where their points should be, over all its images.
+std::vector<std::vector<double>> ResidualsOf(const io::ColmapModel& solved) {
+  std::vector<std::vector<double>> residuals(solved.cameras.size());
+  for (const io::ColmapImage& image : solved.images) {
+    const auto camera = static_cast<std::size_t>(image.camera);
+    for (const io::ColmapPixel& seen : image.pixels) {
+      if (seen.point < 0) continue;
+      const Eigen::Vector3d p = image.cam_from_world * solved.points[static_cast<std::size_t>(seen.point)].point_m;
+      residuals[camera].push_back(
+          (PixelFromPointInCam<double>(solved.cameras[camera].intrinsics.data(), p) - seen.pixel).norm());
+    }
+  }
+  return residuals;
+}
+
+/// Per image coordinate; NaN for none.
+double RmsPx(const std::vector<double>& residuals) {
+  const double squares = std::inner_product(residuals.begin(), residuals.end(), residuals.begin(), 0.0);
+  return std::sqrt(squares / (2 * static_cast<double>(residuals.size())));
+}
+
+double Median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
 /// known = scale * rotation * solved + translation, by least squares; points three times further off
 /// than most are left out of a second fit.
 struct Similarity {
@@ -74,44 +101,27 @@ Similarity Fit(const std::vector<Eigen::Vector3d>& solved, const std::vector<Eig
   const Similarity first = FitOnce(solved, known, with_scale);
   std::vector<double> distances;
   for (std::size_t i = 0; i < solved.size(); ++i) distances.push_back((first * solved[i] - known[i]).norm());
-  std::vector<double> sorted = distances;
-  std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2), sorted.end());
+  const double limit = 3 * Median(distances);
   std::vector<Eigen::Vector3d> good_solved, good_known;
   for (std::size_t i = 0; i < solved.size(); ++i) {
-    if (distances[i] > 3 * sorted[sorted.size() / 2]) continue;
+    if (distances[i] > limit) continue;
     good_solved.push_back(solved[i]);
     good_known.push_back(known[i]);
   }
   return good_solved.size() < kMinCorners ? first : FitOnce(good_solved, good_known, with_scale);
 }
 
-/// Residuals of one camera over all its images.
-struct Residuals {
-  double squares = 0;
-  int points = 0;
-};
-std::vector<Residuals> ResidualsOf(const io::ColmapModel& solved) {
-  std::vector<Residuals> residuals(solved.cameras.size());
-  for (const io::ColmapImage& image : solved.images) {
-    Residuals& r = residuals[static_cast<std::size_t>(image.camera)];
-    const double* intrinsics = solved.cameras[static_cast<std::size_t>(image.camera)].intrinsics.data();
-    for (const io::ColmapPixel& seen : image.pixels) {
-      if (seen.point < 0) continue;
-      const Eigen::Vector3d p = image.cam_from_world * solved.points[static_cast<std::size_t>(seen.point)].point_m;
-      r.squares += (PixelFromPointInCam<double>(intrinsics, p) - seen.pixel).squaredNorm();
-      ++r.points;
-    }
-  }
-  return residuals;
-}
-
-double RmsPx(const Residuals& r) {
-  return r.points > 0 ? std::sqrt(r.squares / (2 * r.points)) : std::numeric_limits<double>::quiet_NaN();
-}
-
 using PoseTable = std::map<std::string, std::map<int, Rigid3>>;  // pose -> camera -> cam_from_body
 
 }  // namespace
+
+std::optional<double> OutlierLimitPx(const io::ColmapModel& solved) {
+  std::vector<double> all;
+  for (const std::vector<double>& of_camera : ResidualsOf(solved)) all.insert(all.end(), of_camera.begin(), of_camera.end());
+  if (all.empty()) return {};
+  const double limit = std::max(5 * Median(all), 0.1);
+  return *std::max_element(all.begin(), all.end()) > limit ? std::optional(limit) : std::nullopt;
+}
 
 int ReferenceCamera(const io::ColmapModel& solved) {
   std::map<std::string, std::set<int>> poses;
@@ -195,8 +205,8 @@ ColmapRig ReadColmapRig(const io::ColmapModel& problem, const io::ColmapModel& s
   rig.images = static_cast<int>(problem.images.size());
   rig.images_placed = static_cast<int>(solved.images.size());
   rig.target_rms_mm = 1000 * body.rms_m;
-  const std::vector<Residuals> residuals = ResidualsOf(solved);
-  Residuals all;
+  const std::vector<std::vector<double>> residuals = ResidualsOf(solved);
+  std::vector<double> all;
   for (std::size_t c = 0; c < solved.cameras.size(); ++c) {
     Require(cam_from_reference[c].has_value(),
             "COLMAP could not place camera " + problem.cameras[c].serial +
@@ -205,10 +215,9 @@ ColmapRig ReadColmapRig(const io::ColmapModel& problem, const io::ColmapModel& s
     camera.serial = problem.cameras[c].serial;
     camera.cam_from_world = *cam_from_reference[c] * reference_from_base * world_from_base.Inverse();
     rig.cameras.push_back(camera);
-    rig.camera_points.push_back(residuals[c].points);
+    rig.camera_points.push_back(static_cast<int>(residuals[c].size()));
     rig.camera_rms_px.push_back(RmsPx(residuals[c]));
-    all.squares += residuals[c].squares;
-    all.points += residuals[c].points;
+    all.insert(all.end(), residuals[c].begin(), residuals[c].end());
   }
   rig.reprojection_rms_px = RmsPx(all);
   rig.seen_m.resize(solved.cameras.size());

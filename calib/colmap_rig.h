@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 #include "calib/observations.h"
@@ -32,6 +33,10 @@ io::ColmapModel MakeColmapProblem(const RigConfig& config, const TakeObservation
 
 /// Prefix of the image names of a camera of the problem.
 std::string ColmapImagePrefix(std::size_t camera);
+
+/// Residual beyond which pixels of a solved model are wrong: five times the median, 0.1 px at least.
+/// Nothing if no pixel is beyond it.
+std::optional<double> OutlierLimitPx(const io::ColmapModel& solved);
 
 /// Camera that shares poses with most of the others in a solved model and has most images among
 /// those: COLMAP's rig adjustment wants one. Index into `solved.cameras`.

@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
+#include <random>
 
 #include <nlohmann/json.hpp>
 
@@ -103,6 +104,28 @@ TEST_F(ColmapCheckTest, AgreesWithOursAndWithTheTruth) {
   EXPECT_EQ(account["disagree"], nlohmann::json({"SIM0005"}));
   EXPECT_NEAR(account["cameras"][2]["centre_mm"].get<double>(), 0.5, 0.08);
   EXPECT_GT(account["cameras"][2]["view_px"].get<double>(), 2);
+}
+
+TEST_F(ColmapCheckTest, WrongCornersAreLeftOut) {
+  const SyntheticRig truth = MakeSyntheticRig(8, 10, 2);
+  calib::TakeObservations take = ObserveSynthetic(truth, 0.02, 2);
+  std::mt19937_64 random(2);
+  int wrong = 0;
+  for (auto& frame : take.frames) {
+    for (auto& view : frame) {
+      for (auto& seen : view.target) {
+        if (random() % 100 != 0) continue;
+        seen.pixel += Eigen::Vector2d(random() % 2 == 0 ? 2 : -25, random() % 2 == 0 ? 1 : 10);
+        ++wrong;
+      }
+    }
+  }
+  EXPECT_GT(wrong, 10);
+  const ColmapCheck check = CheckWithColmap(truth.config, take, TrueRig(truth));
+  Print(check);
+  EXPECT_LT(check.colmap.reprojection_rms_px, 0.022);
+  EXPECT_LT(check.agreement.centre_rms_mm, 0.15);
+  EXPECT_LT(check.agreement.view_rms_px, 0.02);
 }
 
 TEST_F(ColmapCheckTest, TwoCamerasInAirSuffice) {

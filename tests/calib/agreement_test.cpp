@@ -135,6 +135,10 @@ TEST(ReadColmapRig, FindsMetresAndWorldAgain) {
   }
   EXPECT_GT(rig.camera_rms_px[0], 1);  // the point that only the first image sees
 
+  EXPECT_NEAR(OutlierLimitPx(solved).value_or(0), 0.1, 1e-9);  // that point
+  std::erase_if(solved.images, [](const io::ColmapImage& image) { return image.camera == 0; });
+  EXPECT_FALSE(OutlierLimitPx(solved).has_value());
+  solved = TrueSolution(truth, problem);
   io::ColmapModel strange = solved;
   strange.images[0].name = "other.png";
   EXPECT_THAT(ErrorOf([&] { ReadColmapRig(problem, strange, truth.config); }), HasSubstr("other.png that it was not given"));
