@@ -140,7 +140,7 @@ TEST(ColmapModel, SaysWhatIsWrong) {
 
 /// Any change of a line's words ends in an error of one line or in a model whose indices are valid.
 TEST(ColmapModel, DamagedFilesEndInAnErrorOrAValidModel) {
-  const TempDir folder;
+  const TempDir folder("/dev/shm");
   ColmapModel model = ModelOfViews({SomeView(true), SomeView(false)});
   model.images[0].pixels = {{{5, 6}, -1}, {{1.25, 2}, 1}, {{7, 8}, 0}};
   model.images[1].pixels = {{{10, 20}, 1}, {{11, 21}, 0}};
