@@ -33,7 +33,8 @@ json PairJson(const recon::PairStats& pair) {
           {"matched", pair.matched},     {"kept", pair.kept},
           {"in_cloud", pair.in_cloud},   {"mean_zncc", pair.mean_zncc},
           {"median_gap_px", pair.median_gap_px}, {"seconds", pair.seconds},
-          {"seeded", pair.seeded},       {"skipped", pair.skipped}};
+          {"offset_mm", 1e3 * pair.offset_m}, {"seeded", pair.seeded},
+          {"skipped", pair.skipped}};
 }
 
 /// Clouds of every trigger, in order. Throws Error if a scan is missing.
@@ -111,6 +112,13 @@ json RunReconstruct(const fs::path& directory, const fs::path& calibration_path)
     if (frame.kind == ExposureKind::kSpeckle) seeds = std::move(result.seeds);
     io::WritePly(take.Scan(frame.trigger), result.cloud);
     io::WritePly(take.Platform(frame.trigger), result.platform);
+    json pieces = json::array();
+    for (const recon::CloudPiece& piece : result.pieces) {
+      pieces.push_back({{"points", piece.points},
+                        {"min_m", {piece.min_m.x(), piece.min_m.y(), piece.min_m.z()}},
+                        {"max_m", {piece.max_m.x(), piece.max_m.y(), piece.max_m.z()}}});
+    }
+    for (const std::string& warning : result.warnings) Log(fmt::format("trigger {}: {}", frame.trigger, warning));
     json pairs = json::array();
     for (const recon::PairStats& pair : result.pairs) {
       pairs.push_back(PairJson(pair));
@@ -119,7 +127,8 @@ json RunReconstruct(const fs::path& directory, const fs::path& calibration_path)
       }
     }
     frames.push_back({{"trigger", frame.trigger}, {"points", result.cloud.Size()},
-                      {"platform_points", result.platform.Size()}, {"seconds", result.seconds}, {"pairs", pairs}});
+                      {"platform_points", result.platform.Size()}, {"seconds", result.seconds}, {"pieces", pieces},
+                      {"warnings", result.warnings}, {"pairs", pairs}});
     seconds += result.seconds;
     points += static_cast<double>(result.cloud.Size());
     empty += result.cloud.Size() == 0;

@@ -11,6 +11,7 @@
 #include <numeric>
 
 #include "core/error.h"
+#include "recon/pair_offsets.h"
 
 namespace sole::recon {
 namespace {
@@ -84,7 +85,13 @@ void MergePairs(std::vector<Merged>& of_voxel, double max_disagreement_m,
   out.push_back(best);
 }
 
-std::vector<Merged> MergeVoxels(std::span<const PairPoint> points, const FuseOptions& options) {
+/// Means per voxel and pair, voxel after voxel.
+struct VoxelMeans {
+  std::vector<Merged> means;
+  std::vector<std::size_t> first;  ///< of every voxel, and the end
+};
+
+VoxelMeans MergeWithinPairs(std::span<const PairPoint> points, const FuseOptions& options) {
   std::vector<std::uint64_t> keys(points.size());
   tbb::parallel_for(std::size_t{0}, points.size(),
                     [&](std::size_t i) { keys[i] = VoxelKey(points[i].point_m, options.voxel_m); });
@@ -95,23 +102,70 @@ std::vector<Merged> MergeVoxels(std::span<const PairPoint> points, const FuseOpt
     if (points[a].pair != points[b].pair) return points[a].pair < points[b].pair;
     return a < b;
   });
-  std::vector<Merged> merged;
-  merged.reserve(points.size());
-  std::vector<Merged> of_voxel;
+  VoxelMeans voxels;
   for (std::size_t begin = 0; begin < order.size();) {
-    of_voxel.clear();
-    std::size_t end = begin;
-    while (end < order.size() && keys[order[end]] == keys[order[begin]]) {
-      std::size_t stop = end;
-      while (stop < order.size() && keys[order[stop]] == keys[order[begin]] &&
-             points[order[stop]].pair == points[order[end]].pair) {
+    const std::uint64_t key = keys[order[begin]];
+    voxels.first.push_back(voxels.means.size());
+    while (begin < order.size() && keys[order[begin]] == key) {
+      std::size_t stop = begin;
+      while (stop < order.size() && keys[order[stop]] == key &&
+             points[order[stop]].pair == points[order[begin]].pair) {
         ++stop;
       }
-      of_voxel.push_back(MergePair(points, std::span(order).subspan(end, stop - end)));
-      end = stop;
+      voxels.means.push_back(MergePair(points, std::span(order).subspan(begin, stop - begin)));
+      begin = stop;
     }
+  }
+  voxels.first.push_back(voxels.means.size());
+  return voxels;
+}
+
+/// Offsets of the pairs along their rays, from places that they share. `normals`: per voxel.
+std::vector<double> MeasureOffsets(const VoxelMeans& voxels,
+                                   const std::vector<Eigen::Vector3d>& normals, int pairs,
+                                   const FuseOptions& options) {
+  std::vector<PairDifference> differences;
+  std::vector<double> precision(static_cast<std::size_t>(pairs), 0.0);
+  for (std::size_t v = 0; v + 1 < voxels.first.size(); ++v) {
+    for (std::size_t i = voxels.first[v]; i < voxels.first[v + 1]; ++i) {
+      const Merged& a = voxels.means[i];
+      precision[static_cast<std::size_t>(a.pair)] += a.weight;
+      for (std::size_t j = i + 1; j < voxels.first[v + 1]; ++j) {
+        const Merged& b = voxels.means[j];
+        // Along the normal the two points may lie at different places of the voxel.
+        const double cos_a = normals[v].dot(a.to_camera), cos_b = normals[v].dot(b.to_camera);
+        if (std::min(cos_a, cos_b) < options.min_offset_cosine) continue;
+        const double along = 2 * normals[v].dot(a.point_m - b.point_m) / (cos_a + cos_b);
+        if (std::abs(along) < 2 * options.voxel_m) differences.push_back({a.pair, b.pair, along});
+      }
+    }
+  }
+  return SolvePairOffsets(differences, precision);
+}
+
+/// Takes offsets away that matter and can be trusted; false if there are none.
+bool MoveTogether(std::span<const double> offsets, const FuseOptions& options, VoxelMeans& voxels) {
+  bool moved = false;
+  for (Merged& mean : voxels.means) {
+    const double offset_m = offsets[static_cast<std::size_t>(mean.pair)];
+    if (std::abs(offset_m) > options.max_offset_m || std::abs(offset_m) < options.min_offset_m)
+      continue;
+    mean.point_m -= offset_m * mean.to_camera;
+    moved = true;
+  }
+  return moved;
+}
+
+/// `best`, if given: the merged point of each voxel's most precise pair.
+std::vector<Merged> MergeAcrossPairs(const VoxelMeans& voxels, const FuseOptions& options,
+                                     std::vector<std::size_t>* best = nullptr) {
+  std::vector<Merged> merged, of_voxel;
+  merged.reserve(voxels.means.size());
+  for (std::size_t v = 0; v + 1 < voxels.first.size(); ++v) {
+    of_voxel.assign(voxels.means.begin() + static_cast<std::ptrdiff_t>(voxels.first[v]),
+                    voxels.means.begin() + static_cast<std::ptrdiff_t>(voxels.first[v + 1]));
     MergePairs(of_voxel, options.max_disagreement_m, merged);
-    begin = end;
+    if (best) best->push_back(merged.size() - 1);  // what disagrees with it comes before
   }
   return merged;
 }
@@ -214,6 +268,46 @@ std::vector<int> FindComponents(const std::vector<Neighbourhood>& around,
   return component;
 }
 
+using Footprint = Eigen::AlignedBox2d;
+
+/// Whether one stands over the other: half of the smaller footprint is shared.
+bool SameFoot(const Footprint& a, const Footprint& b) {
+  const Footprint both = a.intersection(b);
+  return !both.isEmpty() && both.volume() > 0.5 * std::min(a.volume(), b.volume());
+}
+
+/// Number of the foot that every component belongs to, largest first; -1 for others. Parts that no
+/// pair joins (the back of a foot and its sole, say) are one foot where they stand over each other.
+std::vector<int> FeetOf(const std::vector<int>& size, const std::vector<char>& is_foot,
+                        const std::vector<Footprint>& footprints) {
+  std::vector<std::size_t> parts;
+  for (std::size_t c = 0; c < size.size(); ++c) {
+    if (is_foot[c]) parts.push_back(c);
+  }
+  std::stable_sort(parts.begin(), parts.end(),
+                   [&](std::size_t a, std::size_t b) { return size[a] > size[b]; });
+  std::vector<int> foot(size.size(), -1);
+  std::vector<Footprint> feet;
+  for (const std::size_t c : parts) {
+    std::size_t k = 0;
+    while (k < feet.size() && !SameFoot(feet[k], footprints[c])) ++k;
+    if (k == feet.size()) feet.emplace_back();
+    feet[k].extend(footprints[c]);
+    foot[c] = static_cast<int>(k);
+  }
+  return foot;
+}
+
+void AddToPiece(const Eigen::Vector3d& point_m, int number, FusedClouds& result) {
+  result.piece.push_back(static_cast<std::uint8_t>(number));
+  if (static_cast<std::size_t>(number) >= result.pieces.size())
+    result.pieces.resize(static_cast<std::size_t>(number) + 1);
+  CloudPiece& piece = result.pieces[static_cast<std::size_t>(number)];
+  piece.min_m = piece.points == 0 ? point_m : Eigen::Vector3d(piece.min_m.cwiseMin(point_m));
+  piece.max_m = piece.points == 0 ? point_m : Eigen::Vector3d(piece.max_m.cwiseMax(point_m));
+  ++piece.points;
+}
+
 void Append(const Merged& point, const Eigen::Vector3d& normal, PointCloud& cloud) {
   // Moving along the ray moves the surface along its normal by the cosine between them.
   const double cosine = std::max(0.1, normal.dot(point.to_camera));
@@ -231,27 +325,44 @@ FusedClouds Fuse(std::span<const PairPoint> points, int pairs, const FuseOptions
           "fuse: voxel_m must exceed 0.01 mm and neighbours be at least 3");
   FusedClouds result;
   result.foot_points.assign(static_cast<std::size_t>(pairs), 0);
+  result.offset_m.assign(static_cast<std::size_t>(pairs), 0);
   if (points.empty()) return result;
-  const std::vector<Merged> merged = MergeVoxels(points, options);
-  const std::vector<Neighbourhood> around = FindNeighbourhoods(merged, options);
+  VoxelMeans voxels = MergeWithinPairs(points, options);
+  std::vector<std::size_t> best;
+  std::vector<Merged> merged = MergeAcrossPairs(voxels, options, &best);
+  std::vector<Neighbourhood> around = FindNeighbourhoods(merged, options);
+  std::vector<Eigen::Vector3d> normals;
+  for (const std::size_t i : best) normals.push_back(around[i].normal);
+  result.offset_m = MeasureOffsets(voxels, normals, pairs, options);
+  if (MoveTogether(result.offset_m, options, voxels)) {
+    merged = MergeAcrossPairs(voxels, options);
+    around = FindNeighbourhoods(merged, options);
+  }
   const std::vector<char> inlier = FindInliers(around, options);
   int components = 0;
   const std::vector<int> component = FindComponents(around, inlier, components);
 
   std::vector<int> size(static_cast<std::size_t>(components)),
       high(static_cast<std::size_t>(components));
+  std::vector<Footprint> footprints(static_cast<std::size_t>(components));
   for (std::size_t i = 0; i < merged.size(); ++i) {
     if (component[i] < 0) continue;
     const auto c = static_cast<std::size_t>(component[i]);
     ++size[c];
+    footprints[c].extend(merged[i].point_m.head<2>());
     if (merged[i].point_m.z() > options.min_foot_height_m) ++high[c];
   }
+  std::vector<char> is_foot(size.size());
+  for (std::size_t c = 0; c < size.size(); ++c)
+    is_foot[c] = size[c] >= options.min_component && 10 * high[c] > size[c];
+  const std::vector<int> foot = FeetOf(size, is_foot, footprints);
   for (std::size_t i = 0; i < merged.size(); ++i) {
     const auto c = static_cast<std::size_t>(std::max(component[i], 0));
     if (component[i] < 0) {
       ++result.outliers;
-    } else if (size[c] >= options.min_component && 10 * high[c] > size[c]) {
+    } else if (is_foot[c]) {
       Append(merged[i], around[i].normal, result.cloud);
+      AddToPiece(merged[i].point_m, std::min(foot[c], 254), result);
       ++result.foot_points[static_cast<std::size_t>(merged[i].pair)];
     } else if (high[c] == 0 && std::abs(merged[i].point_m.z()) < options.platform_height_m) {
       Append(merged[i], Eigen::Vector3d::UnitZ(), result.platform);

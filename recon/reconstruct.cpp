@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstdio>
 #include <optional>
 
 #include "core/error.h"
@@ -30,6 +31,12 @@ using Clock = std::chrono::steady_clock;
 
 double SecondsSince(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+std::string Millimetres(double metres) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.2f", 1e3 * std::abs(metres));
+  return text;
 }
 
 /// Grey levels and lit region of one camera's image.
@@ -176,10 +183,17 @@ FrameReconstruction Reconstructor::Reconstruct(const FrameSet& frame,
   for (std::size_t i = 0; i < rig.pairs.size(); ++i) {
     PairStats& stats = result.pairs[i];
     stats.in_cloud = fused.foot_points[i];
+    stats.offset_m = fused.offset_m[i];
+    if (std::abs(stats.offset_m) > state_->options.warn_offset_m) {
+      result.warnings.push_back("pair " + stats.name + " lies " + Millimetres(stats.offset_m) +
+                                " mm from the other pairs: calibrate the rig again");
+    }
     if (stats.skipped.empty() && fused.cloud.Size() == 0) stats.skipped = "no foot in view";
   }
   result.cloud = std::move(fused.cloud);
   result.platform = std::move(fused.platform);
+  result.piece = std::move(fused.piece);
+  result.pieces = std::move(fused.pieces);
   result.seconds = SecondsSince(start);
   return result;
 }

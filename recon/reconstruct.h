@@ -29,6 +29,7 @@ struct ReconstructOptions {
   /// resolution give as many points.
   double spacing_m = 0.001;
   double seeds_hold = 0.95;  ///< of the share that the last frame without seeds had
+  double warn_offset_m = 0.0001;  ///< of a pair from the others: its calibration has drifted
   int min_matches = 200;  ///< a pair with fewer sees no foot
 };
 
@@ -42,6 +43,7 @@ struct PairStats {
   double mean_zncc = 0;
   double median_gap_px = 0;  ///< signed distance between the rays; a hint of a drifted calibration
   double seconds = 0;
+  double offset_m = 0;  ///< of its points from the other pairs', towards the cameras; taken away
   bool seeded = false;  ///< began at the seeds: semi-global matching was not needed
   std::string skipped;  ///< why the pair gave nothing; empty if it did
 };
@@ -58,8 +60,11 @@ struct FrameSeeds {
 
 struct FrameReconstruction {
   PointCloud cloud;              ///< the foot, world frame; empty where there is none
+  std::vector<std::uint8_t> piece;  ///< of every point: which of `pieces` it belongs to
+  std::vector<CloudPiece> pieces;   ///< feet, largest first
   PointCloud platform;           ///< marks and dust on the glass top
   std::vector<PairStats> pairs;  ///< rig order
+  std::vector<std::string> warnings;  ///< one line each, such as of a pair that contradicts others
   FrameSeeds seeds;              ///< for the next frame of the sequence
   double seconds = 0;
 };

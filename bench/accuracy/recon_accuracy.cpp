@@ -106,8 +106,8 @@ void ScoreTake(const std::filesystem::path& directory, std::uint64_t seed,
     }
     if (!by_pair) continue;
     for (const recon::PairStats& p : result.pairs)
-      fmt::print("  {:<14} tried {:6} matched {:6} kept {:6} in cloud {:6} zncc {:.4f} gap {:+.4f} px {}{}\n",
-                 p.name, p.tried, p.matched, p.kept, p.in_cloud, p.mean_zncc, p.median_gap_px,
+      fmt::print("  {:<14} tried {:6} matched {:6} kept {:6} in cloud {:6} zncc {:.4f} gap {:+.4f} px offset {:+.4f} mm {}{}\n",
+                 p.name, p.tried, p.matched, p.kept, p.in_cloud, p.mean_zncc, p.median_gap_px, 1e3 * p.offset_m,
                  p.seeded ? "seeded " : "", p.skipped);
   }
   PrintRow("all", all.Result(), total / static_cast<double>(reader.Triggers().size()));

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 
@@ -146,6 +147,62 @@ TEST(Fuse, NothingGivesNothing) {
   const FusedClouds fused = Fuse({}, 3);
   EXPECT_EQ(fused.cloud.Size(), 0U);
   EXPECT_EQ(fused.foot_points, std::vector<int>(3, 0));
+}
+
+TEST(Fuse, PairsThatLieApartAreMovedTogetherAndReported) {
+  std::mt19937_64 engine(11);
+  std::vector<PairPoint> points;
+  const double offsets[] = {0.00006, -0.00004, -0.00002};
+  for (int pair = 0; pair < 3; ++pair) AddDome(points, pair, offsets[pair], 2e-5, 1e-5, engine);
+  const FusedClouds fused = Fuse(points, 4);
+  ASSERT_EQ(fused.offset_m.size(), 4U);
+  for (std::size_t pair = 0; pair < 3; ++pair) EXPECT_NEAR(fused.offset_m[pair], offsets[pair], 3e-6);
+  EXPECT_EQ(fused.offset_m[3], 0);  // it saw nothing
+  double squares = 0;
+  int count = 0;
+  for (const Eigen::Vector3f& p : fused.cloud.points_m) {
+    if (p.head<2>().norm() > 0.02F) continue;
+    squares += DomeError(p) * DomeError(p);
+    ++count;
+  }
+  EXPECT_LT(std::sqrt(squares / count), 1.5e-5);
+}
+
+TEST(Fuse, APairThatIsFarOffIsReportedButNotMoved) {
+  std::mt19937_64 engine(12);
+  std::vector<PairPoint> points;
+  AddDome(points, 0, 0.0004, 2e-5, 1e-5, engine);
+  AddDome(points, 1, -0.0004, 2e-5, 1e-5, engine);
+  const FusedClouds fused = Fuse(points, 2);
+  EXPECT_NEAR(fused.offset_m[0] - fused.offset_m[1], 0.0008, 2e-4);  // points share few voxels
+  double nearest = 1;
+  for (const Eigen::Vector3f& p : fused.cloud.points_m) {
+    if (p.head<2>().norm() < 0.01F) nearest = std::min(nearest, std::abs(DomeError(p)));
+  }
+  EXPECT_GT(nearest, 0.0002);
+}
+
+TEST(Fuse, TwoFeetAreTwoPieces) {
+  std::mt19937_64 engine(13);
+  std::vector<PairPoint> points;
+  AddDome(points, 0, 0, 2e-5, 0, engine);
+  const std::size_t first = points.size();
+  AddDome(points, 0, 0, 2e-5, 0, engine);
+  for (std::size_t i = first; i < points.size(); ++i) points[i].point_m.x() += 0.1;
+  // The second is smaller.
+  std::erase_if(points, [](const PairPoint& p) { return p.point_m.x() > 0.12; });
+  const FusedClouds fused = Fuse(points, 1);
+  ASSERT_EQ(fused.pieces.size(), 2U);
+  ASSERT_EQ(fused.piece.size(), fused.cloud.Size());
+  EXPECT_GT(fused.pieces[0].points, fused.pieces[1].points);
+  int counted[2] = {0, 0};
+  for (std::size_t i = 0; i < fused.cloud.Size(); ++i) {
+    EXPECT_EQ(fused.piece[i], fused.cloud.points_m[i].x() > 0.05F ? 1 : 0);
+    ++counted[fused.piece[i]];
+  }
+  for (std::size_t k = 0; k < 2; ++k) EXPECT_EQ(counted[k], fused.pieces[k].points);
+  EXPECT_NEAR(fused.pieces[1].min_m.x(), 0.06, 0.002);
+  EXPECT_NEAR(fused.pieces[1].max_m.x(), 0.12, 0.002);
 }
 
 }  // namespace
