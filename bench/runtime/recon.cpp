@@ -9,6 +9,7 @@
 
 #include "recon/match_pair.h"
 #include "recon/reconstruct.h"
+#include "recon/subset_kernel_internal.h"
 #include "tests/recon/speckle_scene.h"
 
 namespace sole::recon {
@@ -79,6 +80,31 @@ void SubsetPoint(benchmark::State& state) {
       static_cast<double>(iterations) / static_cast<double>(state.iterations());
 }
 BENCHMARK(SubsetPoint)->Arg(5)->Arg(6)->Arg(7)->Arg(10)->Unit(benchmark::kMicrosecond);
+
+/// One comparison of a window of 13 px under a warp; argument: 0 baseline, 1 AVX2 with FMA.
+void CompareWindow(benchmark::State& state) {
+  const Scene& scene = TheScene();
+  const bool wide = state.range(0) != 0;
+  if (wide && !HasAvx2()) {
+    state.SkipWithError("this processor has no AVX2");
+    return;
+  }
+  const PixelMatch& known = scene.matches.matches[scene.matches.matches.size() / 2];
+  static SubsetWindow window;
+  FillWindow(scene.left.grey, scene.left.gradient_x, scene.left.gradient_y, &scene.mask,
+             known.left_px.x(), known.left_px.y(), 6, window);
+  WarpPolynomial warp{};
+  for (int axis = 0; axis < 2; ++axis) {
+    warp[static_cast<std::size_t>(axis)] = {known.match.warp.position_px[axis],
+                                            known.match.warp.gradient(axis, 0),
+                                            known.match.warp.gradient(axis, 1), 0, 0, 0};
+  }
+  for (auto _ : state) {
+    benchmark::DoNotOptimize(wide ? CompareAvx2(window, scene.right.coefficients, warp)
+                                  : CompareBaseline(window, scene.right.coefficients, warp));
+  }
+}
+BENCHMARK(CompareWindow)->Arg(0)->Arg(1)->Unit(benchmark::kNanosecond);
 
 void PrepareImage(benchmark::State& state) {
   for (auto _ : state) benchmark::DoNotOptimize(Prepare(TheScene().Left(), true));
