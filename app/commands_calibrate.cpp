@@ -140,7 +140,7 @@ void LogDrift(const calib::DriftReport& report) {
   for (const calib::CameraDrift& c : report.cameras) {
     if (!c.judged) Log(fmt::format("camera {}: sees too few marks to be judged", c.serial));
     if (c.moved) {
-      Log(fmt::format("camera {} MOVED by {:.2f} mm (+- {:.2f}) and turned by {:.3f} degrees: {:.2f} px off, {:.2f} px in its new place",
+      Log(fmt::format("camera {} MOVED by {:.2f} mm (+- {:.3f}) and turned by {:.3f} degrees: {:.2f} px off, {:.2f} px in its new place",
                       c.serial, c.moved_mm, c.moved_sigma_mm, c.turned_deg, c.residual_px, c.residual_after_px));
     }
   }
