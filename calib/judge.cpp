@@ -121,32 +121,39 @@ void AddLengths(const std::vector<Corner>& corners, ErrorSum& sum) {
   }
 }
 
+using SidesOfFrame = std::array<std::vector<Corner>, 2>;  ///< seen from above and from below
+
+/// Deviation beyond which a corner of one side does not judge (kJudgeSigma_m).
+double JudgeLimit(const std::vector<SidesOfFrame>& frames, std::size_t side) {
+  std::vector<double> sigmas;
+  for (const SidesOfFrame& frame : frames) {
+    for (const Corner& corner : frame[side]) sigmas.push_back(corner.sigma_m);
+  }
+  if (sigmas.empty()) return kJudgeSigma_m;
+  const auto middle = sigmas.begin() + static_cast<std::ptrdiff_t>(sigmas.size() / 2);
+  std::nth_element(sigmas.begin(), middle, sigmas.end());
+  return std::max(kJudgeSigma_m, kJudgeSigmas * *middle);
+}
+
 }  // namespace
 
 TargetErrors JudgeTarget(const Rig& rig, const TakeObservations& heldout,
                          const std::vector<Eigen::Vector3d>& target_corners, double reject_px) {
   ErrorSum air, glass, across;
   int points = 0;
-  std::vector<std::array<std::vector<Corner>, 2>> corners;  // by frame, seen from above and below
-  std::vector<double> sigmas;
+  std::vector<SidesOfFrame> corners;
   for (const auto& frame : heldout.frames) {
     corners.push_back({CornersSeenFrom(rig, false, frame, target_corners, reject_px, points,
                                        air.errors.rejected),
                        CornersSeenFrom(rig, true, frame, target_corners, reject_px, points,
                                        glass.errors.rejected)});
-    for (const auto& side : corners.back()) {
-      for (const Corner& corner : side) sigmas.push_back(corner.sigma_m);
-    }
   }
-  double limit = kJudgeSigma_m;
-  if (!sigmas.empty()) {
-    const auto middle = sigmas.begin() + static_cast<std::ptrdiff_t>(sigmas.size() / 2);
-    std::nth_element(sigmas.begin(), middle, sigmas.end());
-    limit = std::max(limit, kJudgeSigmas * *middle);
+  for (const std::size_t side : {0u, 1u}) {
+    const double limit = JudgeLimit(corners, side);
+    for (auto& frame : corners)
+      std::erase_if(frame[side], [limit](const Corner& corner) { return corner.sigma_m > limit; });
   }
-  for (auto& [above, below] : corners) {
-    for (auto* side : {&above, &below})
-      std::erase_if(*side, [limit](const Corner& corner) { return corner.sigma_m > limit; });
+  for (const auto& [above, below] : corners) {
     AddLengths(above, air);
     AddLengths(below, glass);
     for (const Corner& a : above) {

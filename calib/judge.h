@@ -25,9 +25,10 @@ struct TargetErrors {
   int points = 0;       ///< seen by two or more cameras of one side, rejected ones included
 };
 
-/// Largest standard deviation of a triangulated corner that may judge, by the deviations that detection states:
-/// metres, and times that of the median corner where that is more. Corners on grazing faces are measured to a tenth
-/// of a pixel, 0.1 mm in depth, and would judge themselves instead of the calibration.
+/// Largest standard deviation of a triangulated corner that may judge, by the deviations that detection
+/// states: metres, and times that of the median corner of its side of the plate where that is more.
+/// Corners on grazing faces are measured to a tenth of a pixel, 0.1 mm in depth, and would judge
+/// themselves instead of the calibration.
 inline constexpr double kJudgeSigma_m = 2e-5;
 inline constexpr double kJudgeSigmas = 1.5;
 

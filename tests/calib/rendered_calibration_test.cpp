@@ -38,7 +38,7 @@ double VolumeError(const Rig& rig, const StereoPair& pair, const SyntheticRig& t
 
 TEST(RenderedCalibration, FourCamerasOfReducedSize) {
   const RigConfig config = MakeDefaultRig(4, 812, 618);
-  RenderedTake take(config, 7, 2);
+  RenderedTake take(config, 7, 4);
   const Calibration calibration = Calibrate(config, take);
   const CalibrationStats& stats = calibration.stats;
   EXPECT_EQ(stats.poses_used + stats.poses_heldout, 7);
