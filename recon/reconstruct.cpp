@@ -93,16 +93,18 @@ int GridStep(const Camera& camera, const CaptureVolume& volume, double spacing_m
 
 Reconstructor::Reconstructor(const Rig& rig, const ReconstructOptions& options) {
   Require(!rig.pairs.empty(), "the rig has no stereo pairs: add a [[pair]] to the rig file");
-  Require(options.spacing_m > 0, "reconstruct: spacing_m must be positive");
+  Require(options.spacing_m >= 0, "reconstruct: spacing_m must not be negative");
   Require(rig.pairs.size() <= 255, "the rig has more than 255 stereo pairs");
   auto state = std::make_unique<State>(State{rig, options, {}, {}});
   state->options.rectify.volume = options.volume;
   state->options.triangulate.volume = options.volume;
+  const double usual_spacing_m = rig.pairs.size() <= 4 ? 0.00075 : 0.001;
+  const double spacing_m = options.spacing_m > 0 ? options.spacing_m : usual_spacing_m;
   for (const StereoPair& pair : rig.pairs) {
     state->rectifications.push_back(Rectify(rig, pair, state->options.rectify));
     GridOptions& grid = state->grids.emplace_back(options.grid);
     grid.step_px = GridStep(rig.cameras[static_cast<std::size_t>(pair.left)], options.volume,
-                            options.spacing_m);
+                            spacing_m);
   }
   state_ = std::move(state);
 }

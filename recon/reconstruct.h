@@ -26,8 +26,9 @@ struct ReconstructOptions {
   TriangulateOptions triangulate = {};
   FuseOptions fuse = {};
   /// Between matched points on the surface; sets grid.step_px of each pair, so that cameras of low
-  /// resolution give as many points.
-  double spacing_m = 0.001;
+  /// resolution give as many points. 0: 1 mm, or 0.75 mm for a rig of up to four pairs, where no
+  /// other pair fills in what one leaves out.
+  double spacing_m = 0;
   double seeds_hold = 0.95;  ///< of the share that the last frame without seeds had
   double warn_offset_m = 0.0001;  ///< of a pair from the others: its calibration has drifted
   int min_matches = 200;  ///< a pair with fewer sees no foot
