@@ -3,7 +3,7 @@
 
     bench/accuracy/run.py --out /tmp/accuracy 1001 1002 1003 1004 1005 [-- demo options]
 
-Seeds below 1000 are for development; judge with others. With --from-summaries DIR nothing is run: DIR/SEED/summary.json are read.
+Seeds below 1000 are for development; judge with others. With --from-summaries nothing is run: OUT/SEED/summary.json are read.
 """
 import argparse
 import json
