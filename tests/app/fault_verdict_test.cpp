@@ -24,7 +24,7 @@ constexpr int kFrames = 12;
 RigConfig HealthyRig() {
   RigConfig config = MakeDefaultRig(4, 640, 488);
   for (std::size_t i = 0; i < 4; ++i) {
-    config.cameras[i].address = "127.0.117." + std::to_string(i + 1);
+    config.cameras[i].address = "127.0.217." + std::to_string(i + 1);
     config.cameras[i].serial = "CAM" + std::to_string(i + 1);
   }
   config.pairs = {{"below", "CAM1", "CAM2"}, {"dorsum", "CAM3", "CAM4"}};
