@@ -24,7 +24,7 @@ RigConfig SmallRig() {
   config.cameras.resize(2);
   config.pairs.resize(1);
   for (std::size_t i = 0; i < 2; ++i) {
-    config.cameras[i].address = "127.0.116." + std::to_string(i + 1);
+    config.cameras[i].address = "127.0.216." + std::to_string(i + 1);
     config.cameras[i].serial = "OPT" + std::to_string(i + 1);
   }
   config.pairs[0] = {"below", "OPT1", "OPT2"};
