@@ -128,9 +128,9 @@ void Add(const Take& take, const FitSequence& fit, const app::ModelPair& models,
     score.good += frame.verdict == "good";
     score.good_but_far += frame.verdict == "good" && scale * registration > 3;
     if (verbose) {
-      fmt::print("  {} {}: registration {:.2f} mm, fit {:.2f} mm, residual {:.3f} mm, {} points, lowest {:.0f} mm, {}\n", name,
+      fmt::print("  {} {}: registration {:.2f} mm, fit {:.2f} mm, residual {:.3f} mm, {} points, {}\n", name,
                  f + 1, scale * registration, scale * fitted, 1e3 * frame.residual_m,
-                 take.clouds[f].Size(), 1e3 * take.truth[f].vertices[0].z(), frame.verdict);
+                 take.clouds[f].Size(), frame.verdict);
     }
   }
   score.wrong_side += wrong;

@@ -8,23 +8,16 @@
 #include "calib/judge.h"
 #include "core/error.h"
 #include "tests/calib/synthetic_rig.h"
+#include "tests/support/error_matcher.h"
 
 namespace sole::calib {
 namespace {
 
 using testing::HasSubstr;
+using sole::testing_support::ErrorOf;
 using testing_support::MakeSyntheticRig;
 using testing_support::ObserveSynthetic;
 using testing_support::SyntheticRig;
-
-std::string MessageOf(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "no error";
-}
 
 TEST(Calibrate, JudgesHeldOutPosesInMillimetres) {
   const SyntheticRig rig = MakeSyntheticRig(4, 20, 1);
@@ -59,7 +52,7 @@ TEST(Calibrate, IgnoringTheGlassSpoilsHeldOutLengths) {
   const TakeObservations take = ObserveSynthetic(rig, 0.002, 3);
   const CalibrationStats with = CalibrateFromObservations(rig.config, take).stats;
   rig.config.plate.index = 1;
-  EXPECT_THAT(MessageOf([&] { CalibrateFromObservations(rig.config, take); }),
+  EXPECT_THAT(ErrorOf([&] { CalibrateFromObservations(rig.config, take); }),
               HasSubstr("contradict the others"));
   CalibrateOptions lenient;
   lenient.max_outlier_share = 1;
@@ -144,9 +137,9 @@ TEST(Calibrate, RefusesWhatCannotBeCalibrated) {
   const SyntheticRig rig = MakeSyntheticRig(4, 10, 4);
   const TakeObservations good = ObserveSynthetic(rig, 0.02, 4);
   const auto message = [&](const TakeObservations& take) {
-    return MessageOf([&] { CalibrateFromObservations(rig.config, take); });
+    return ErrorOf([&] { CalibrateFromObservations(rig.config, take); });
   };
-  EXPECT_EQ(message(good), "no error");
+  EXPECT_EQ(message(good), "(no error was thrown)");
 
   TakeObservations few = good;
   few.frames.resize(5);
@@ -174,7 +167,7 @@ TEST(Calibrate, RefusesATargetOfAnotherSize) {
   const TakeObservations take = ObserveSynthetic(rig, 0.02, 6);
   rig.config.target.square_m *= 0.98;
   rig.config.target.marker_m *= 0.98;
-  EXPECT_THAT(MessageOf([&] { CalibrateFromObservations(rig.config, take); }),
+  EXPECT_THAT(ErrorOf([&] { CalibrateFromObservations(rig.config, take); }),
               HasSubstr("target and fiducials contradict each other"));
 }
 
@@ -194,11 +187,11 @@ TEST(Calibrate, RefusesImagesOfAnotherSize) {
   frame.images.assign(4, ImageU8(1624, 1236));
   frame.images[2] = ImageU8(812, 618);
   OneFrame source(frame);
-  EXPECT_THAT(MessageOf([&] { Calibrate(config, source); }),
+  EXPECT_THAT(ErrorOf([&] { Calibrate(config, source); }),
               HasSubstr("camera SIM0003, frame 7: image is 812x618, the rig file says 1624x1236"));
   frame.images.pop_back();
   OneFrame short_source(frame);
-  EXPECT_THAT(MessageOf([&] { Calibrate(config, short_source); }),
+  EXPECT_THAT(ErrorOf([&] { Calibrate(config, short_source); }),
               HasSubstr("images of 3 cameras"));
 }
 

@@ -10,20 +10,13 @@
 #include "io/image_file.h"
 #include "io/image_folder.h"
 #include "tests/calib/synthetic_rig.h"
+#include "tests/support/error_matcher.h"
 
 namespace sole::calib {
 namespace {
 
 using testing::HasSubstr;
-
-std::string MessageOf(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "no error";
-}
+using sole::testing_support::ErrorOf;
 
 const Board kBoard = ParseBoard("chessboard:9x6:25mm");
 
@@ -83,15 +76,15 @@ TEST(CalibrateBoards, FindsTheStereoPair) {
 
 TEST(CalibrateBoards, SaysWhatIsMissing) {
   StereoScene few(4, 0.1);
-  EXPECT_THAT(MessageOf([&] { CalibrateBoards(few.cameras, few.take, kBoard); }),
+  EXPECT_THAT(ErrorOf([&] { CalibrateBoards(few.cameras, few.take, kBoard); }),
               HasSubstr("camera left sees the whole chessboard in 4 of 4 pictures, needs 5"));
   StereoScene blind(10, 0.1);
   for (auto& frame : blind.take.frames) frame[1].target.clear();
-  EXPECT_THAT(MessageOf([&] { CalibrateBoards(blind.cameras, blind.take, kBoard); }),
+  EXPECT_THAT(ErrorOf([&] { CalibrateBoards(blind.cameras, blind.take, kBoard); }),
               HasSubstr("camera right sees the whole chessboard in 0 of 10"));
   StereoScene apart(12, 0.1);
   for (std::size_t f = 0; f < 12; ++f) apart.take.frames[f][f % 2].target.clear();
-  EXPECT_THAT(MessageOf([&] { CalibrateBoards(apart.cameras, apart.take, kBoard); }),
+  EXPECT_THAT(ErrorOf([&] { CalibrateBoards(apart.cameras, apart.take, kBoard); }),
               HasSubstr("camera right shares no picture of the board"));
 }
 
@@ -131,7 +124,7 @@ TEST(CalibrateBoards, NamesTheCameraThatShowsTheBoardMirrored) {
     frame[1].target.clear();
     frame[1].mirrored_target = true;
   }
-  EXPECT_THAT(MessageOf([&] { CalibrateBoards(scene.cameras, scene.take, board); }),
+  EXPECT_THAT(ErrorOf([&] { CalibrateBoards(scene.cameras, scene.take, board); }),
               HasSubstr("camera right shows the board mirrored in 10 of 10 pictures"));
 }
 
@@ -144,7 +137,7 @@ TEST(CalibrateBoards, AMirroredChessboardPairContradictsItself) {
       o.point = o.point / 9 * 9 + 8 - o.point % 9;
     }
   }
-  EXPECT_THAT(MessageOf([&] { CalibrateBoards(scene.cameras, scene.take, kBoard); }),
+  EXPECT_THAT(ErrorOf([&] { CalibrateBoards(scene.cameras, scene.take, kBoard); }),
               HasSubstr("the board's corners contradict each other"));
 }
 
@@ -152,7 +145,7 @@ TEST(CalibrateBoards, PicturesThatDoNotBelongTogetherContradictEachOther) {
   StereoScene scene(12, 0.05);
   for (std::size_t f = 0; f + 1 < 12; ++f)
     std::swap(scene.take.frames[f][1], scene.take.frames[f + 1][1]);  // the next moment's
-  EXPECT_THAT(MessageOf([&] { CalibrateBoards(scene.cameras, scene.take, kBoard); }),
+  EXPECT_THAT(ErrorOf([&] { CalibrateBoards(scene.cameras, scene.take, kBoard); }),
               HasSubstr("are pictures of one number taken at one moment"));
 }
 
