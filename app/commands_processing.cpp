@@ -11,6 +11,7 @@
 #include "app/console.h"
 #include "app/evaluate.h"
 #include "app/export_colmap.h"
+#include "app/register_dataset.h"
 #include "app/stages.h"
 
 namespace sole::app {
@@ -56,7 +57,15 @@ void AddProcessingCommands(CLI::App& app, CommonOptions& common, int& status) {
 
   CLI::App* fit = AddCommand(app, common, status, "fit", "Registration, contact labels and model fit",
                              "sole fit takes/S017 --model models/sole-foot.npz",
-                             [a] { return RunFit(a->take, LoadModelPair(a->ModelPath())); });
+                             [a, &common] {
+                               const ModelPair models = LoadModelPair(a->ModelPath());
+                               if (!std::filesystem::exists(std::filesystem::path(a->take) / "dataset.json")) return RunFit(a->take, models);
+                               std::unique_ptr<Progress> progress;
+                               return RegisterDataset(a->take, models, {.stop = common.stop}, [&](int done, int all) {
+                                 if (!progress) progress = std::make_unique<Progress>("people", all);
+                                 progress->Set(done);
+                               });
+                             });
   add_take(fit);
   add_model(fit);
 
@@ -97,6 +106,7 @@ void AddCommands(CLI::App& app, CommonOptions& common, int& status) {
   AddTakeCommands(app, common, status);
   AddMatchCommand(app, common, status);
   AddModelCommands(app, common, status);
+  AddDatasetCommands(app, common, status);
 }
 
 }  // namespace sole::app

@@ -2,7 +2,6 @@
 
 #include <array>
 #include <cmath>
-#include <cstring>
 #include <random>
 #include <string>
 #include <vector>
@@ -34,9 +33,7 @@ struct Columns {
 };
 
 io::NpyArray Floats(const std::vector<float>& values, std::vector<std::size_t> shape) {
-  io::NpyArray array{"<f4", std::move(shape), std::vector<std::uint8_t>(4 * values.size())};
-  if (!values.empty()) std::memcpy(array.bytes.data(), values.data(), array.bytes.size());
-  return array;
+  return io::Reshaped(io::NpyFrom(values), std::move(shape));
 }
 
 io::NpyArray Bytes(const char* dtype, std::vector<std::uint8_t> values,

@@ -35,7 +35,9 @@ void WriteNpz(const std::filesystem::path& path, const Npz& arrays);
 /// From Eigen and std types. Matrices become (rows, cols) arrays.
 NpyArray NpyFrom(const Eigen::Ref<const Eigen::MatrixXd>& matrix);
 NpyArray NpyFrom(const Eigen::Ref<const Eigen::MatrixXi>& matrix);
+NpyArray NpyFrom(const Eigen::Ref<const Eigen::MatrixXf>& matrix);
 NpyArray NpyFrom(const std::vector<double>& values);
+NpyArray NpyFrom(const std::vector<float>& values);
 NpyArray NpyFrom(const std::vector<int>& values);
 NpyArray NpyFrom(const std::vector<std::int64_t>& values);
 NpyArray NpyFrom(const std::vector<std::uint8_t>& values);

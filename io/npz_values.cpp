@@ -116,7 +116,11 @@ NpyArray NpyFrom(const Eigen::Ref<const Eigen::MatrixXd>& matrix) {
 NpyArray NpyFrom(const Eigen::Ref<const Eigen::MatrixXi>& matrix) {
   return FromMatrix("<i4", matrix);
 }
+NpyArray NpyFrom(const Eigen::Ref<const Eigen::MatrixXf>& matrix) {
+  return FromMatrix("<f4", matrix);
+}
 NpyArray NpyFrom(const std::vector<double>& values) { return FromVector("<f8", values); }
+NpyArray NpyFrom(const std::vector<float>& values) { return FromVector("<f4", values); }
 NpyArray NpyFrom(const std::vector<int>& values) { return FromVector("<i4", values); }
 NpyArray NpyFrom(const std::vector<std::int64_t>& values) { return FromVector("<i8", values); }
 NpyArray NpyFrom(const std::vector<std::uint8_t>& values) { return FromVector("|u1", values); }
