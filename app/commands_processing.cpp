@@ -10,6 +10,7 @@
 #include "app/commands.h"
 #include "app/console.h"
 #include "app/evaluate.h"
+#include "app/evaluate_model.h"
 #include "app/export_colmap.h"
 #include "app/register_dataset.h"
 #include "app/stages.h"
@@ -20,7 +21,8 @@ namespace {
 using nlohmann::json;
 
 struct Arguments {
-  std::string take, calibration, out, model, format;
+  std::string take, calibration, out, model, format, dataset;
+  EvaluateModelOptions evaluate;
 
   std::filesystem::path ModelPath() const { return model.empty() ? DefaultModelPath() : std::filesystem::path(model); }
 };
@@ -91,10 +93,23 @@ void AddProcessingCommands(CLI::App& app, CommonOptions& common, int& status) {
   add_model(export_command);
   export_command->add_option("--to", a->format, fmt::format("Format: {}, colmap (workspaces of the scans)", fmt::join(ExportFormats(), ", ")))->required();
 
-  CLI::App* evaluate = AddCommand(app, common, status, "evaluate", "Scores a processed simulated take against its truth",
-                                  "sole evaluate demo-out/take --json", [a] { return EvaluateTake(a->take, LoadModelPair(a->ModelPath()).right); });
-  add_take(evaluate);
+  CLI::App* evaluate = app.add_subcommand("evaluate", "Scores a processed simulated take against its truth, or a model on a dataset");
+  evaluate->footer("Examples: sole evaluate demo-out/take --json\n"
+                   "          sole evaluate models/sole-foot.npz scans --plots evaluation.html");
+  evaluate->add_option("WHAT", a->take, "Directory of a take, or a foot model")->required();
+  evaluate->add_option("DATASET", a->dataset, "With a model: directory of a dataset of registrations");
   add_model(evaluate);
+  evaluate->add_option("--split", a->evaluate.split, "Subjects of the dataset")->check(CLI::IsMember({"train", "validation", "test"}))->capture_default_str();
+  evaluate->add_option("--per-subject", a->evaluate.per_subject, "Registrations of a foot at most")->check(CLI::Range(1, 100000))->capture_default_str();
+  evaluate->add_option("--baseline", a->evaluate.baseline, "Another model to score beside it");
+  evaluate->add_option("--plots", a->evaluate.plots, "HTML page with tables and plots to write");
+  evaluate->callback([a, &common, &status] {
+    const ThreadCap cap(common.threads);
+    const json account = a->dataset.empty() ? EvaluateTake(a->take, LoadModelPair(a->ModelPath()).right)
+                                            : EvaluateModel(a->take, a->dataset, a->evaluate);
+    fmt::print("{}", common.json ? account.dump(2) + "\n" : a->dataset.empty() ? FormatSummary(account) : FormatModelEvaluation(account));
+    status = 0;
+  });
 }
 
 void AddCommands(CLI::App& app, CommonOptions& common, int& status) {

@@ -46,18 +46,27 @@ VertexFitResult FitVertices(const FootModel& model, Variant variant,
                             const VertexFitOptions& options) {
   Require(targets_m.rows() == SurfaceOf(model, variant).NumVertices(),
           "vertex fit: one target per vertex is needed");
+  Require(options.weights.size() == 0 || options.weights.size() == targets_m.rows(),
+          "vertex fit: one weight per vertex is needed");
+  const Eigen::VectorXd weights =
+      options.weights.size() > 0 ? options.weights : Eigen::VectorXd::Ones(targets_m.rows());
+  const Eigen::VectorXd roots = weights.cwiseSqrt();
   const ParameterColumns columns = ColumnsOf(model, start);
   const Eigen::VectorXd prior = PriorInformation(start, columns, options);
   const double information = 1 / (options.sigma_m * options.sigma_m);
   const auto cost_of = [&](const ModelParameters& parameters, const Eigen::MatrixX3d& points) {
-    return information * (points - targets_m).squaredNorm() +
+    return information * (roots.asDiagonal() * (points - targets_m)).squaredNorm() +
            PriorResidual(parameters, columns).cwiseAbs2().dot(prior);
   };
   ModelParameters now = start;
   double damping = 1e-4;
   for (int iteration = 0; iteration < options.iterations; ++iteration) {
-    const PointsJacobian points = VertexJacobian(model, now, variant);
-    const Eigen::Matrix3Xd residual = (points.points_m - targets_m).transpose();
+    PointsJacobian points = VertexJacobian(model, now, variant);
+    const double cost = cost_of(now, points.points_m);
+    const Eigen::Matrix3Xd residual =
+        (points.points_m - targets_m).transpose() * roots.asDiagonal();
+    for (Eigen::Index i = 0; i < roots.size(); ++i)
+      points.jacobian.middleRows<3>(3 * i) *= roots[i];
     Eigen::MatrixXd normal = information * points.jacobian.transpose() * points.jacobian;
     Eigen::VectorXd gradient =
         information * points.jacobian.transpose() *
@@ -70,7 +79,6 @@ VertexFitResult FitVertices(const FootModel& model, Variant variant,
       normal.diagonal().segment(columns.beta, now.beta.size()).setOnes();
       gradient.segment(columns.beta, now.beta.size()).setZero();
     }
-    const double cost = cost_of(now, points.points_m);
     bool better = false;
     double gain = 0;
     for (int attempt = 0; attempt < 8 && !better; ++attempt) {

@@ -12,11 +12,12 @@ struct VertexFitOptions {
   double theta_sd_rad = 1.0;  ///< weak prior that keeps unseen turns at rest (the root is free)
   double beta_sd = 1.0;
   bool fit_beta = true;  ///< otherwise the start's beta is kept
+  Eigen::VectorXd weights = {};  ///< of the vertices' squared distances; empty: all 1
 };
 
 struct VertexFitResult {
   ModelParameters parameters;
-  double mean_distance_m = 0;
+  double mean_distance_m = 0;  ///< of all vertices, whatever their weights
   double max_distance_m = 0;
 };
 
