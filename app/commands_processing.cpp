@@ -99,7 +99,7 @@ void AddProcessingCommands(CLI::App& app, CommonOptions& common, int& status) {
   evaluate->add_option("WHAT", a->take, "Directory of a take, or a foot model")->required();
   evaluate->add_option("DATASET", a->dataset, "With a model: directory of a dataset of registrations");
   add_model(evaluate);
-  evaluate->add_option("--split", a->evaluate.split, "Subjects of the dataset")->check(CLI::IsMember({"train", "validation", "test"}))->capture_default_str();
+  evaluate->add_option("--split", a->evaluate.split, "Subjects of the dataset")->check(CLI::IsMember({"train", "validation", "test", "all"}))->capture_default_str();
   evaluate->add_option("--per-subject", a->evaluate.per_subject, "Registrations of a foot at most")->check(CLI::Range(1, 100000))->capture_default_str();
   evaluate->add_option("--baseline", a->evaluate.baseline, "Another model to score beside it");
   evaluate->add_option("--plots", a->evaluate.plots, "HTML page with tables and plots to write");

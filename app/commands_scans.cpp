@@ -1,3 +1,4 @@
+#include <map>
 #include <memory>
 #include <string>
 
@@ -69,6 +70,13 @@ void AddScansCommand(CLI::App& sim, CommonOptions& common, int& status) {
   scans->add_option("--seed", a->options.seed, "Seed of the first person; the next ones follow")
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 40))
       ->capture_default_str();
+  scans
+      ->add_option("--population", a->options.population,
+                   "survey, or other: proportions and soles that the survey's people do not have")
+      ->transform(CLI::CheckedTransformer(
+          std::map<std::string, sim::Population>{{"survey", sim::Population::kSurvey},
+                                                 {"other", sim::Population::kOther}}))
+      ->option_text("survey|other");
   scans->add_option("--parameters", a->parameters,
                     "Noise parameters (JSON) instead of those that come with the program");
   scans->add_option("--out", a->out, "Directory of the dataset")->required();

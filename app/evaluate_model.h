@@ -8,7 +8,7 @@
 namespace sole::app {
 
 struct EvaluateModelOptions {
-  std::string split = "test";        ///< of the dataset
+  std::string split = "test";        ///< of the dataset, or `all`
   int per_subject = 24;              ///< registrations of a foot at most, evenly spread
   std::filesystem::path baseline = {};  ///< another model beside it; empty: none
   std::filesystem::path plots = {};  ///< HTML page with plots; empty: none

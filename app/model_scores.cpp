@@ -106,7 +106,7 @@ Specimens ReadSpecimens(const std::filesystem::path& dataset, const std::string&
     for (const char* side : {"-left", "-right"}) {
       if (name.ends_with(side)) name.resize(name.size() - std::string(side).size());
     }
-    if (SplitOfSubject(name) != split) continue;
+    if (split != "all" && SplitOfSubject(name) != split) continue;
     const SubjectRegistrations r = ReadRegistrations(path);
     std::vector<std::size_t> good;
     for (std::size_t f = 0; f < r.NumFrames(); ++f) {

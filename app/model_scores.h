@@ -23,7 +23,7 @@ struct Specimen {
   bool touches = false;          ///< any contact
 };
 
-/// Good registrations of one split, at most `per_subject` of each foot, evenly spread.
+/// Good registrations of one split (or `all`), at most `per_subject` of each foot, evenly spread.
 struct Specimens {
   std::vector<std::string> subjects;
   std::vector<Specimen> all;

@@ -15,6 +15,8 @@
 #include "io/atomic_file.h"
 #include "io/mesh_file.h"
 #include "io/take.h"
+#include "model/contact_network.h"
+#include "model/forward.h"
 #include "model/surface_query.h"
 
 namespace sole::app {
@@ -112,6 +114,35 @@ std::string FitFigures(const ModelPair& models, const FrameFit& fit, const Frame
   return html;
 }
 
+/// What the contact-conditioned network makes of contact: how far it moves the skin, in frames spread over the take.
+std::string NetworkFigures(const ModelPair& models, const FitSequence& fit, const io::ContactFile& contact, const fs::path& folder) {
+  constexpr double kFullScale_m = 0.004;
+  constexpr std::size_t kPictures = 6;
+  std::vector<std::size_t> touching;
+  for (std::size_t f = 0; f < fit.frames.size() && f < contact.contact.size(); ++f) {
+    if (fit.frames[f].found && contact.contact[f].probability.sum() > 1) touching.push_back(f);
+  }
+  std::string html;
+  const std::size_t pictures = std::min(kPictures, touching.size());
+  for (std::size_t i = 0; i < pictures; ++i) {
+    const std::size_t f = touching[i * touching.size() / pictures];
+    const FrameFit& frame = fit.frames[f];
+    const model::FootModel& model = frame.side == Side::kRight ? models.right : models.left;
+    const model::Variant variant = model.HasFine() ? model::Variant::kFine : model::Variant::kCoarse;
+    const model::ModelParameters pose{frame.theta, fit.beta, frame.translation_m, contact.contact[f].probability};
+    const Eigen::VectorXd moved = model::ContactOffsets(model, variant, pose.theta, pose.beta, pose.contact);
+    const Eigen::VectorXd resting = model::ContactOffsets(model, variant, pose.theta, pose.beta, 0 * pose.contact);
+    std::vector<Colour> colours;
+    for (Eigen::Index v = 0; 3 * v < moved.size(); ++v) {
+      colours.push_back(HeatColour((moved - resting).segment<3>(3 * v).norm() / kFullScale_m));
+    }
+    Picture picture(240, 480, {{0, 0, 1}, {0, 1, 0}}, {-0.08, -0.15, 0}, {0.08, 0.15, 0.12});
+    picture.DrawMesh(model::MeshOf(model, variant, Forward(model, pose, variant).vertices_m), colours);
+    html += Figure("image/png", PngBytes(picture, folder), fmt::format("trigger {}, from below: moved by contact, blue 0 to red 4 mm", frame.trigger));
+  }
+  return html;
+}
+
 std::string Table(const json& summary) {
   std::string html = "<table>\n";
   for (const auto& [section, values] : summary.items()) {
@@ -166,6 +197,7 @@ void WriteReport(const fs::path& path, const fs::path& directory, const ModelPai
       html += "<h2>The fitted foot and its contact</h2>\n" + FitFigures(models, fit.frames[f], contact.contact[f], folder);
       break;
     }
+    if (!models.right.network.empty()) html += "<h2>How contact deforms the sole</h2>\n" + NetworkFigures(models, fit, contact, folder);
   }
   html += "<h2>Figures against truth</h2>\n" + Table(summary) + "</body></html>\n";
   io::WriteStringAtomically(path, html);

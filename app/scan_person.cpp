@@ -121,7 +121,7 @@ std::optional<PersonScans> MakePersonScans(std::uint64_t seed, const RigConfig& 
   static const std::vector<std::uint8_t> dark = CutVertices();
   const auto stopped = [&] { return asked.stop != nullptr && *asked.stop; };
   if (stopped()) return {};
-  const sim::Subject subject = sim::DrawSubject(seed);
+  const sim::Subject subject = sim::DrawSubject(seed, {}, asked.population);
   const sim::TrueRig rig = sim::DrawTrueRig(config, seed);
   const std::vector<sim::JointAxis> axes = sim::JointAxes(subject);
   std::mt19937_64 random(seed * 0x9E3779B97F4A7C15ULL + 1);

@@ -7,6 +7,7 @@
 #include "core/rig_config.h"
 #include "io/npz.h"
 #include "sim/scan_noise.h"
+#include "sim/subject.h"
 
 namespace sole::app {
 
@@ -19,6 +20,7 @@ struct PersonScans {
 struct PersonScansOptions {
   int frames = 10;
   int points = 30000;  ///< of a scan, at most; 0: all
+  sim::Population population = sim::Population::kSurvey;
   const std::atomic<bool>* stop = nullptr;
 };
 

@@ -32,9 +32,13 @@ fs::path PersonFile(const fs::path& directory, std::uint64_t person) {
 
 /// What must be equal for a dataset to be completed.
 Json Identity(const ScanDatasetOptions& options) {
-  return {{"format", "sole-scans"},   {"format_version", 1},
-          {"software", Version()},    {"seed", options.seed},
-          {"frames", options.frames}, {"noise", Json::parse(sim::FormatScanNoise(options.noise))}};
+  return {{"format", "sole-scans"},
+          {"format_version", 1},
+          {"software", Version()},
+          {"seed", options.seed},
+          {"frames", options.frames},
+          {"population", options.population == sim::Population::kSurvey ? "survey" : "other"},
+          {"noise", Json::parse(sim::FormatScanNoise(options.noise))}};
 }
 
 Json Index(const ScanDatasetOptions& options, const RigConfig& config, bool complete) {
@@ -139,7 +143,10 @@ ScanDatasetResult MakeScanDataset(const fs::path& directory, const ScanDatasetOp
           if (!there) {
             const auto scans = MakePersonScans(
                 person, config, options.noise,
-                {.frames = options.frames, .points = options.points, .stop = options.stop});
+                {.frames = options.frames,
+                 .points = options.points,
+                 .population = options.population,
+                 .stop = options.stop});
             if (!scans) return;
             io::WriteNpz(path, scans->arrays);
             points = scans->points;

@@ -6,6 +6,7 @@
 #include <functional>
 
 #include "sim/scan_noise.h"
+#include "sim/subject.h"
 
 namespace sole::app {
 
@@ -15,6 +16,7 @@ struct ScanDatasetOptions {
   int points = 30000;      ///< of a scan, at most; 0: as many as reconstruction would have
   std::uint64_t seed = 1;  ///< of the first person, as in MakePeople; the next ones follow
   sim::ScanNoise noise = sim::DefaultScanNoise();
+  sim::Population population = sim::Population::kSurvey;
   const std::atomic<bool>* stop = nullptr;  ///< set to end early; what is finished stays
 };
 

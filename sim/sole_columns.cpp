@@ -71,8 +71,9 @@ Sole::Sole(const Subject& subject, const std::vector<Vector3d>& vertices, const 
   for (std::size_t v = 0; v < vertices.size(); ++v) {
     if (area[v] <= 0 || vertices[v].z() > lowest + 0.05) continue;
     if (!with_toes && binding.charts[v] > 0) continue;
-    points_.push_back({static_cast<int>(v), vertices[v], area[v],
-                       ColumnAt(reference[v], binding.charts[v], subject.heel_pad_m)});
+    Column column = ColumnAt(reference[v], binding.charts[v], subject.heel_pad_m);
+    column.stiffness_pa *= subject.tissue_stiffness;
+    points_.push_back({static_cast<int>(v), vertices[v], area[v], column});
   }
 }
 

@@ -88,6 +88,17 @@ ShapeHandles DrawPerson(std::uint64_t seed, std::optional<Side> side, Subject& s
   return handles;
 }
 
+/// About 1.5 standard deviations off the survey in each of four measures, and half as stiff again.
+void MakeOther(Subject& subject, ShapeHandles& handles) {
+  subject.tissue_stiffness = 1.5;
+  subject.measures_mm.at("navicular_height") += 5;
+  subject.measures_mm.at("footbreadthhorizontal") *= 1.06;
+  subject.measures_mm.at("balloffootcircumference") *= 1.04;
+  subject.measures_mm.at("heelbreadth") *= 0.93;
+  handles.hallux_valgus_rad += 6 * kRadFromDeg;
+  subject.hallux_valgus_rad = handles.hallux_valgus_rad;
+}
+
 }  // namespace
 
 Sex SubjectSex(std::uint64_t seed) {
@@ -96,9 +107,10 @@ Sex SubjectSex(std::uint64_t seed) {
   return subject.sex;
 }
 
-Subject DrawSubject(std::uint64_t seed, std::optional<Side> side) {
+Subject DrawSubject(std::uint64_t seed, std::optional<Side> side, Population population) {
   Subject subject;
-  const ShapeHandles handles = DrawPerson(seed, side, subject);
+  ShapeHandles handles = DrawPerson(seed, side, subject);
+  if (population == Population::kOther) MakeOther(subject, handles);
   subject.shape = SolveShape(handles, subject);
   return subject;
 }

@@ -30,17 +30,25 @@ struct Subject {
   double hallux_valgus_rad = 0;
   bool second_toe_longest = false;
   double heel_pad_m = 0.017;                  ///< thickness of the unloaded heel pad
+  double tissue_stiffness = 1;                ///< of the sole's soft tissue, relative
   std::shared_ptr<const SubjectShape> shape;  ///< opaque: geometry at rest
 };
 
 /// The reference foot as a person of 75 kg.
 Subject MeanSubject(Side side = Side::kRight);
 
+/// Whom DrawSubject draws.
+enum class Population {
+  kSurvey,  ///< adults as the survey has them
+  kOther,   ///< other proportions (higher arch, broader ball, narrower heel, more hallux valgus) and stiffer soles: what a model
+            ///< that was trained on kSurvey has not seen
+};
+
 /// Draws a person: sex, the nine foot measures, stature and weight from the survey's normals (rejecting
 /// beyond the 99.9 % Mahalanobis radius), navicular height, toe pattern, hallux angle, age and heel pad, and solves the shape for
 /// them. Same seed and side: same bits. Both sides of one seed are one person whose feet differ by a little. Without `side`
 /// the seed decides. About a second.
-Subject DrawSubject(std::uint64_t seed, std::optional<Side> side = {});
+Subject DrawSubject(std::uint64_t seed, std::optional<Side> side = {}, Population population = Population::kSurvey);
 
 /// Sex of the person that DrawSubject draws, at no cost.
 Sex SubjectSex(std::uint64_t seed);

@@ -163,6 +163,7 @@ TEST_F(EvaluateModelTest, WhatDoesNotFitIsSaidInALine) {
                 EvaluateModel(directory_ / "foot.npz", directory_ / "set", {.split = "validation"});
               }),
               HasSubstr("no good registration of the split 'validation'"));
+  EXPECT_EQ(ReadSpecimens(directory_ / "set", "all", 1).all.size(), 4U);
   model::FootModel small = model_;
   small.fine = {};
   small.upsampling.clear();

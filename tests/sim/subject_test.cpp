@@ -52,6 +52,22 @@ TEST(DrawSubject, ContradictoryMeasuresStillGiveAFootNearThem) {
   }
 }
 
+TEST(DrawSubject, OtherPeopleHaveOtherProportionsAndStifferSoles) {
+  const Subject usual = DrawSubject(33, Side::kRight);
+  Subject other = DrawSubject(33, Side::kRight, Population::kOther);
+  EXPECT_EQ(other.weight_kg, usual.weight_kg);
+  const double load_n = 0.5 * 9.81 * other.weight_kg;
+  const LoadedFoot stood = StandOnPlate(other, load_n);
+  const auto measured = MeasureFoot(stood.foot.vertices_m, Side::kRight);
+  EXPECT_NEAR(measured.at("footlength"), usual.measures_mm.at("footlength"), 1.5);
+  EXPECT_NEAR(measured.at("footbreadthhorizontal"), 1.06 * usual.measures_mm.at("footbreadthhorizontal"), 1.5);
+  EXPECT_NEAR(measured.at("heelbreadth"), 0.93 * usual.measures_mm.at("heelbreadth"), 1.5);
+  EXPECT_NEAR(NavicularHeight(SubjectRestMesh(other).vertices), usual.measures_mm.at("navicular_height") + 5, 3);
+  const double stiff_area = stood.contact_area_m2;
+  other.tissue_stiffness = 1;
+  EXPECT_LT(stiff_area, 0.95 * StandOnPlate(other, load_n).contact_area_m2);
+}
+
 TEST(SubjectSex, IsTheDrawnOne) {
   EXPECT_EQ(SubjectSex(3), DrawSubject(3).sex);
   EXPECT_EQ(SubjectSex(33), DrawSubject(33, Side::kLeft).sex);
