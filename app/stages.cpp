@@ -169,12 +169,16 @@ json RunFit(const fs::path& directory, const ModelPair& models) {
   io::ContactFile contact = io::ReadContact(take.Contact());
   Require(contact.triggers == triggers, take.Contact().string() + " has other frames than the take: run `sole contact " +
                                             directory.string() + "` again");
+  const GroundSurface calibrated = CalibratedGround(take);
+  model::FitOptions options;
+  options.label_contact = [&](const Eigen::MatrixX3d& vertices_m, const Eigen::VectorXd& sd_m, std::size_t f) {
+    return contact::LabelContact(vertices_m, sd_m, contact.ground[f], calibrated).probability;
+  };
   const Stopwatch watch;
   Progress progress("fit", static_cast<int>(triggers.size()));
-  const FitSequence fit = model::FitFrames(models.right, models.left, clouds, triggers, {},
+  const FitSequence fit = model::FitFrames(models.right, models.left, clouds, triggers, options,
                                            [&](int done, int) { progress.Set(done); });
   contact.contact.clear();
-  const GroundSurface calibrated = CalibratedGround(take);
   for (std::size_t f = 0; f < fit.frames.size(); ++f) {
     contact.contact.push_back(contact::LabelContact(fit.frames[f].registration_m,
                                                     fit.frames[f].registration_sd_m, contact.ground[f], calibrated));

@@ -34,6 +34,7 @@ struct FrameFit {
   Side side = Side::kRight;
   Eigen::MatrixX3d theta;               ///< K x 3 axis-angle, rad
   Eigen::Vector3d translation_m = Eigen::Vector3d::Zero();
+  Eigen::VectorXd contact;              ///< N, soft contact that the model was told; empty: none
   Eigen::MatrixX3d vertices_m;          ///< N x 3, the posed model, world frame
   Eigen::MatrixX3d registration_m;      ///< N x 3, free registration
   Eigen::MatrixX3d registration_fine_m; ///< N_fine x 3

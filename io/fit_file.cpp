@@ -200,26 +200,27 @@ void WriteFit(const fs::path& path, const FitSequence& fit) {
       return Stack(fit.frames, name, 1,
                    [member](const FrameFit& f) -> const Eigen::VectorXd& { return f.*member; });
     };
-    WriteNpz(
-        path,
-        {{"format", NpyFrom(std::string("sole-fit"))},
-         {"version", Scalar(kVersion)},
-         {"units", NpyFrom(std::string("m, rad; world frame"))},
-         {"frames", NpyFrom(triggers)},
-         {"found", NpyFrom(found)},
-         {"side", NpyFrom(side)},
-         {"verdict", NpyFrom(verdict)},
-         {"residual_m", NpyFrom(residual)},
-         {"beta", Reshaped(NpyFrom(fit.beta), {Size(fit.beta.size())})},
-         {"beta_sd", Reshaped(NpyFrom(fit.beta_sd), {Size(fit.beta_sd.size())})},
-         {"translation_m", NpyFrom(translation)},
-         {"theta", stack("theta", &FrameFit::theta)},
-         {"theta_sd", stack("theta_sd", &FrameFit::theta_sd)},
-         {"vertices_m", stack("vertices_m", &FrameFit::vertices_m)},
-         {"registration_m", stack("registration_m", &FrameFit::registration_m)},
-         {"registration_fine_m", stack("registration_fine_m", &FrameFit::registration_fine_m)},
-         {"registration_sd_m", stack_scalars("registration_sd_m", &FrameFit::registration_sd_m)},
-         {"vertex_sd_m", stack_scalars("vertex_sd_m", &FrameFit::vertex_sd_m)}});
+    Npz npz{{"format", NpyFrom(std::string("sole-fit"))},
+            {"version", Scalar(kVersion)},
+            {"units", NpyFrom(std::string("m, rad; world frame"))},
+            {"frames", NpyFrom(triggers)},
+            {"found", NpyFrom(found)},
+            {"side", NpyFrom(side)},
+            {"verdict", NpyFrom(verdict)},
+            {"residual_m", NpyFrom(residual)},
+            {"beta", Reshaped(NpyFrom(fit.beta), {Size(fit.beta.size())})},
+            {"beta_sd", Reshaped(NpyFrom(fit.beta_sd), {Size(fit.beta_sd.size())})},
+            {"translation_m", NpyFrom(translation)},
+            {"theta", stack("theta", &FrameFit::theta)},
+            {"theta_sd", stack("theta_sd", &FrameFit::theta_sd)},
+            {"vertices_m", stack("vertices_m", &FrameFit::vertices_m)},
+            {"registration_m", stack("registration_m", &FrameFit::registration_m)},
+            {"registration_fine_m", stack("registration_fine_m", &FrameFit::registration_fine_m)},
+            {"registration_sd_m", stack_scalars("registration_sd_m", &FrameFit::registration_sd_m)},
+            {"vertex_sd_m", stack_scalars("vertex_sd_m", &FrameFit::vertex_sd_m)}};
+    NpyArray contact = stack_scalars("contact", &FrameFit::contact);
+    if (contact.shape[1] > 0) npz["contact"] = std::move(contact);
+    WriteNpz(path, npz);
   });
 }
 
@@ -242,6 +243,8 @@ FitSequence ReadFit(const fs::path& path) {
     const Eigen::MatrixXd fine = Rows(npz, "registration_fine_m", frames, 3);
     const Eigen::MatrixXd vertex_sd = Rows(npz, "vertex_sd_m", frames, 2);
     const Eigen::MatrixXd registration_sd = Rows(npz, "registration_sd_m", frames, 2);
+    const Eigen::MatrixXd contact =
+        npz.contains("contact") ? Rows(npz, "contact", frames, 2, vertex_sd.cols()) : Eigen::MatrixXd();
     const std::vector<std::string> side = StringsFrom(npz, "side"),
                                    verdict = StringsFrom(npz, "verdict");
     Require(side.size() == frames && verdict.size() == frames,
@@ -254,6 +257,7 @@ FitSequence ReadFit(const fs::path& path) {
       frame.side = SideFrom(side[f]);
       frame.theta = PointsOf(theta, row);
       frame.translation_m = translation.row(row).transpose();
+      if (contact.size() > 0 && contact.row(row).allFinite()) frame.contact = contact.row(row).transpose();
       frame.vertices_m = PointsOf(vertices, row);
       frame.registration_m = PointsOf(registration, row);
       frame.registration_fine_m = PointsOf(fine, row);

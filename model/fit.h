@@ -12,6 +12,11 @@
 
 namespace sole::model {
 
+/// Soft contact, 0 to 1, of the N registered vertices of frame `frame` (index into the clouds); `sd_m` (N) as in
+/// Registration. World frame.
+using ContactLabeller =
+    std::function<Eigen::VectorXd(const Eigen::MatrixX3d& vertices_m, const Eigen::VectorXd& sd_m, std::size_t frame)>;
+
 struct FitOptions {
   int shape_frames = 4;            ///< frames, spread over the take, whose shapes are averaged into the subject's
   int minimum_points = 1000;       ///< fewer scan points: no foot in the frame
@@ -22,6 +27,9 @@ struct FitOptions {
   double side_ratio = 0.8;         ///< of the two sides' costs below which the side is decided
   double good_residual_m = 0.0015;
   double good_matched = 0.6;
+  ContactLabeller label_contact;   ///< needed by a model whose network is told contact; without it contact is zero
+  int contact_rounds = 3;          ///< fits at most after the first one of a frame, each with newer labels
+  double contact_still = 0.01;     ///< mean change of the labels that ends them
   PoseFitOptions pose;
   RegistrationOptions registration;
 };
@@ -32,7 +40,8 @@ using FitProgress = std::function<void(int, int)>;
 /// Registers and fits one foot over the scans of a take (world frame, one cloud per trigger, in order of time).
 /// Some frames spread over the take give side and shape, each from scratch (foot_start.h); shape is then fixed, and
 /// every frame starts from the one before. A frame that this does not explain is fitted from scratch, too, and the
-/// better one kept. `right` and `left` are the two sides of one model; which one it is is decided from the data.
+/// better one kept. Where the model has a network that is told contact, every frame's fit alternates with its labels
+/// (FitOptions::label_contact), so that registration starts from a sole already flattened. `right` and `left` are the two sides of one model; which one it is is decided from the data.
 /// Frames without a foot have found = false.
 FitSequence FitFrames(const FootModel& right, const FootModel& left, std::span<const PointCloud> clouds,
                       std::span<const std::int64_t> triggers, const FitOptions& options = {},

@@ -19,14 +19,34 @@
 namespace sole::model {
 namespace {
 
-Correspondences FindCorrespondences(const FootModel& model, const PointCloud& scan,
-                                    const ModelParameters& parameters, const PoseFitStage& stage,
-                                    const PoseFitOptions& options) {
-  const Variant variant = model.HasFine() ? Variant::kFine : Variant::kCoarse;
-  const TriangleMesh surface = MeshOf(model, variant, Forward(model, parameters, variant).vertices_m);
-  const SurfaceQuery query(surface);
+/// The posed surface, moved from round to round.
+struct PosedSurface {
+  const FootModel& model;
+  Variant variant;
+  TriangleMesh mesh;
+  std::vector<bool> boundary;
+  SurfaceQuery query;
+
+  PosedSurface(const FootModel& of, const ModelParameters& parameters)
+      : model(of),
+        variant(of.HasFine() ? Variant::kFine : Variant::kCoarse),
+        mesh(MeshOf(of, variant, Forward(of, parameters, variant).vertices_m)),
+        boundary(BoundaryVertices(mesh)),
+        query(mesh) {}
+
+  void Move(const ModelParameters& parameters) {
+    const Eigen::MatrixX3d vertices = Forward(model, parameters, variant).vertices_m;
+    for (std::size_t v = 0; v < mesh.vertices.size(); ++v)
+      mesh.vertices[v] = vertices.row(static_cast<Eigen::Index>(v));
+    query.Move(mesh.vertices);
+  }
+};
+
+Correspondences FindCorrespondences(const PosedSurface& posed, const PointCloud& scan,
+                                    const PoseFitStage& stage, const PoseFitOptions& options) {
+  const TriangleMesh& surface = posed.mesh;
   const std::vector<Eigen::Vector3d> normals = VertexNormals(surface);
-  const RimPlane rim = RimPlaneOf(surface, BoundaryVertices(surface));
+  const RimPlane rim = RimPlaneOf(surface, posed.boundary);
   struct Found {
     SurfacePoint place;
     Eigen::Vector3d normal;
@@ -39,7 +59,7 @@ Correspondences FindCorrespondences(const FootModel& model, const PointCloud& sc
     for (std::size_t i = range.begin(); i < range.end(); ++i) {
       found[i].beyond = rim.Beyond(scan.points_m[i].cast<double>());
       if (found[i].beyond) continue;
-      const auto hit = query.Closest(scan.points_m[i].cast<double>(), stage.radius_m);
+      const auto hit = posed.query.Closest(scan.points_m[i].cast<double>(), stage.radius_m);
       if (!hit) continue;
       const Eigen::Vector3i& t = surface.triangles[static_cast<std::size_t>(hit->point.triangle)];
       Eigen::Vector3d normal = Eigen::Vector3d::Zero();
@@ -104,8 +124,10 @@ PoseFit FitPose(const FootModel& model, const PointCloud& scan, const ModelParam
           "pose fit: rounds, radius, kernel and sigma must be positive");
   PoseFit fit{start, 1, 0, 0, {}};
   const Eigen::Index joints = model.NumJoints();
+  PosedSurface surface(model, fit.parameters);
   for (int round = 0; round < stage.rounds; ++round) {
-    const Correspondences matches = FindCorrespondences(model, scan, fit.parameters, stage, options);
+    if (round > 0) surface.Move(fit.parameters);
+    const Correspondences matches = FindCorrespondences(surface, scan, stage, options);
     if (matches.places.size() < 50) return fit;
     Eigen::VectorXd theta(3 * joints);
     for (Eigen::Index j = 0; j < joints; ++j) theta.segment<3>(3 * j) = fit.parameters.theta.row(j);
@@ -142,7 +164,8 @@ PoseFit FitPose(const FootModel& model, const PointCloud& scan, const ModelParam
     fit.parameters.translation_m = translation;
     if (moved < options.still_m && turned < options.still_rad && reshaped < options.still_beta) break;
   }
-  const Correspondences last = FindCorrespondences(model, scan, fit.parameters, stage, options);
+  surface.Move(fit.parameters);
+  const Correspondences last = FindCorrespondences(surface, scan, stage, options);
   fit.cost = last.cost;
   fit.residual_m = last.residual_m;
   fit.matched = last.matched;
@@ -151,7 +174,8 @@ PoseFit FitPose(const FootModel& model, const PointCloud& scan, const ModelParam
 
 void AddCovariance(const FootModel& model, const PointCloud& scan, const PoseFitStage& stage,
                    const PoseFitOptions& options, PoseFit& fit) {
-  const Correspondences matches = FindCorrespondences(model, scan, fit.parameters, stage, options);
+  const Correspondences matches =
+      FindCorrespondences(PosedSurface(model, fit.parameters), scan, stage, options);
   const Variant variant = model.HasFine() ? Variant::kFine : Variant::kCoarse;
   const PointsJacobian points = SurfacePointJacobian(model, fit.parameters, variant, matches.places);
   const ParameterColumns columns = ColumnsOf(model, fit.parameters);

@@ -5,36 +5,43 @@
 #include <utility>
 #include <vector>
 
-#include <Eigen/SparseCholesky>
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
 #include "core/error.h"
-#include "model/mesh_topology.h"
 #include "model/surface_query.h"
+#include "model/surface_system_internal.h"
+#include "model/surface_topology.h"
 
 namespace sole::model {
 namespace {
 
 /// A scan point and the place of the surface it belongs to.
 struct Match {
-  SurfacePoint point;
+  SurfacePoint point;  ///< also of unmatched points where something was near; triangle -1: nothing was
   Eigen::Vector3d normal;
   Eigen::Vector3d target;
   double weight = 0;  ///< 0 = unmatched
   double distance_m = 0;
 };
 
-std::vector<Match> FindMatches(const TriangleMesh& surface, const std::vector<bool>& boundary,
-                               const PointCloud& scan, double radius_m, const RegistrationOptions& options) {
-  const SurfaceQuery query(surface);
+/// Searches `radius_m` around every scan point. What the last search found bounds where this one has to look.
+void FindMatches(const TriangleMesh& surface, const SurfaceQuery& query, const std::vector<bool>& boundary,
+                 const PointCloud& scan, double radius_m, const RegistrationOptions& options,
+                 std::vector<Match>& matches) {
   const std::vector<Eigen::Vector3d> normals = VertexNormals(surface);
-  std::vector<Match> matches(scan.Size());
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, scan.Size(), 256), [&](const auto& range) {
     for (std::size_t i = range.begin(); i < range.end(); ++i) {
+      Match& match = matches[i];
       const Eigen::Vector3d p = scan.points_m[i].cast<double>();
-      const auto hit = query.Closest(p, radius_m);
-      if (!hit) continue;
+      const double known = match.point.triangle < 0 ? radius_m : (PositionOf(surface, match.point) - p).norm();
+      const auto hit = query.Closest(p, std::min(radius_m, known));
+      match.weight = 0;
+      if (!hit) {
+        match.point.triangle = -1;
+        continue;
+      }
+      match.point = hit->point;
       const Eigen::Vector3i& t = surface.triangles[static_cast<std::size_t>(hit->point.triangle)];
       Eigen::Vector3d normal = Eigen::Vector3d::Zero();
       double on_rim = 0;
@@ -49,69 +56,51 @@ std::vector<Match> FindMatches(const TriangleMesh& surface, const std::vector<bo
           scan.normals[i].cast<double>().dot(normal) < options.minimum_normal_cosine) {
         continue;
       }
-      matches[i] = {hit->point, normal, p, 1.0, hit->distance_m};
+      match = {hit->point, normal, p, 1.0, hit->distance_m};
     }
   });
-  return matches;
 }
 
-/// Adds the quadratic form of one scan point to the triplets (lower and upper part) and the right-hand side.
-void AddPoint(const Match& match, const Eigen::Vector3i& triangle, const Eigen::Vector3d& offset,
-              double tangential, std::vector<Eigen::Triplet<double>>& triplets, Eigen::VectorXd& right) {
+/// Adds the quadratic form of one scan point.
+void AddPoint(const Match& match, const Eigen::Vector3i& corners, const Eigen::Vector3i& edges,
+              const Eigen::Vector3d& offset, double tangential, BlockSystem& system) {
   const Eigen::Matrix3d form =
       match.weight * ((1 - tangential) * match.normal * match.normal.transpose() +
                       tangential * Eigen::Matrix3d::Identity());
   const Eigen::Vector3d pull = form * offset;
-  for (int a = 0; a < 3; ++a) {
-    const double wa = match.point.barycentric[a];
-    if (wa == 0) continue;
-    right.segment<3>(3 * triangle[a]) += wa * pull;
-    for (int b = 0; b < 3; ++b) {
-      const double wb = match.point.barycentric[b];
-      if (wb == 0) continue;
-      for (int r = 0; r < 3; ++r) {
-        for (int c = 0; c < 3; ++c) {
-          triplets.emplace_back(3 * triangle[a] + r, 3 * triangle[b] + c, wa * wb * form(r, c));
-        }
-      }
-    }
+  const Eigen::Vector3d& shares = match.point.barycentric;
+  for (int k = 0; k < 3; ++k) {
+    system.right.col(corners[k]) += shares[k] * pull;
+    system.diagonal[static_cast<std::size_t>(corners[k])] += shares[k] * shares[k] * form;
+    system.coupling[static_cast<std::size_t>(edges[k])] += shares[k] * shares[(k + 1) % 3] * form;
   }
 }
 
-/// One linear solve: displacements of all vertices from the model for fixed matches.
-Eigen::VectorXd SolveDisplacements(const TriangleMesh& model, const std::vector<std::pair<int, int>>& edges,
-                                   const std::vector<Match>& matches, double stiffness,
-                                   const RegistrationOptions& options) {
-  const auto size = static_cast<Eigen::Index>(3 * model.vertices.size());
-  std::vector<Eigen::Triplet<double>> triplets;
-  triplets.reserve(matches.size() * 81 + edges.size() * 12 + model.vertices.size() * 3);
-  Eigen::VectorXd right = Eigen::VectorXd::Zero(size);
+/// One linear solve: displacements of all vertices from the model for fixed matches, sought from `start`.
+Eigen::Matrix3Xd SolveDisplacements(const TriangleMesh& model, const SurfaceTopology& topology,
+                                    const std::vector<Match>& matches, double stiffness,
+                                    const Eigen::Matrix3Xd& start, const RegistrationOptions& options) {
+  const std::size_t size = model.vertices.size();
+  BlockSystem system{topology.edges, std::vector<Eigen::Matrix3d>(size, options.anchor * Eigen::Matrix3d::Identity()),
+                     std::vector<Eigen::Matrix3d>(topology.edges.size(), -stiffness * Eigen::Matrix3d::Identity()),
+                     Eigen::Matrix3Xd::Zero(3, static_cast<Eigen::Index>(size))};
+  for (const auto& [a, b] : topology.edges) {
+    for (const int v : {a, b}) system.diagonal[static_cast<std::size_t>(v)].diagonal().array() += stiffness;
+  }
   for (const Match& match : matches) {
     if (match.weight == 0) continue;
-    const Eigen::Vector3i& t = model.triangles[static_cast<std::size_t>(match.point.triangle)];
-    AddPoint(match, t, match.target - PositionOf(model, match.point), options.tangential, triplets, right);
+    const auto t = static_cast<std::size_t>(match.point.triangle);
+    AddPoint(match, model.triangles[t], topology.triangle_edges[t], match.target - PositionOf(model, match.point),
+             options.tangential, system);
   }
-  for (const auto& [a, b] : edges) {
-    for (int k = 0; k < 3; ++k) {
-      triplets.emplace_back(3 * a + k, 3 * a + k, stiffness);
-      triplets.emplace_back(3 * b + k, 3 * b + k, stiffness);
-      triplets.emplace_back(3 * a + k, 3 * b + k, -stiffness);
-      triplets.emplace_back(3 * b + k, 3 * a + k, -stiffness);
-    }
-  }
-  for (Eigen::Index i = 0; i < size; ++i) triplets.emplace_back(i, i, options.anchor);
-  Eigen::SparseMatrix<double> system(size, size);
-  system.setFromTriplets(triplets.begin(), triplets.end());
-  const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> solver(system);
-  return solver.solve(right);
+  // Displacements are millimetres: a millionth of the pull is far below the scan's noise.
+  return Solve(system, start, 1e-6, 1000);
 }
 
-TriangleMesh Displaced(const TriangleMesh& model, const Eigen::VectorXd& displacements) {
-  TriangleMesh moved = model;
+void Displace(const TriangleMesh& model, const Eigen::Matrix3Xd& displacements, TriangleMesh& moved) {
   for (std::size_t i = 0; i < moved.vertices.size(); ++i) {
-    moved.vertices[i] += displacements.segment<3>(static_cast<Eigen::Index>(3 * i));
+    moved.vertices[i] = model.vertices[i] + displacements.col(static_cast<Eigen::Index>(i));
   }
-  return moved;
 }
 
 /// Robust weights: Geman-McClure on the distance, with a scale that follows the median, and half of the
@@ -176,22 +165,25 @@ Registration RegisterFree(const TriangleMesh& model, const PointCloud& scan,
   Require(options.iterations >= 1 && options.search_radius_m > 0 && options.final_radius_m > 0 &&
               options.stiffness > 0 && options.final_stiffness > 0 && options.anchor > 0,
           "registration: iterations, radii, stiffness and anchor must be positive");
-  const std::vector<std::pair<int, int>> edges = Edges(model);
-  const std::vector<bool> boundary = BoundaryVertices(model);
+  const SurfaceTopology topology = TopologyOf(model);
   TriangleMesh surface = model;
-  std::vector<Match> matches;
+  SurfaceQuery query(surface);
+  std::vector<Match> matches(scan.Size());
+  Eigen::Matrix3Xd displacements = Eigen::Matrix3Xd::Zero(3, static_cast<Eigen::Index>(model.vertices.size()));
   for (int i = 0; i < options.iterations; ++i) {
     const double progress = options.iterations == 1 ? 1.0 : double(i) / (options.iterations - 1);
     const double radius =
         options.search_radius_m * std::pow(options.final_radius_m / options.search_radius_m, progress);
     const double stiffness = options.stiffness * std::pow(options.final_stiffness / options.stiffness, progress);
-    matches = FindMatches(surface, boundary, scan, radius, options);
+    FindMatches(surface, query, topology.boundary, scan, radius, options, matches);
     Reweight(radius, matches);
-    surface = Displaced(model, SolveDisplacements(model, edges, matches, stiffness, options));
+    displacements = SolveDisplacements(model, topology, matches, stiffness, displacements, options);
+    Displace(model, displacements, surface);
+    query.Move(surface.vertices);
   }
 
   Registration result;
-  matches = FindMatches(surface, boundary, scan, options.final_radius_m, options);
+  FindMatches(surface, query, topology.boundary, scan, options.final_radius_m, options, matches);
   double sum = 0;
   std::size_t found = 0;
   for (const Match& match : matches) {
@@ -205,7 +197,7 @@ Registration RegisterFree(const TriangleMesh& model, const PointCloud& scan,
   for (std::size_t i = 0; i < surface.vertices.size(); ++i) {
     result.vertices_m.row(static_cast<Eigen::Index>(i)) = surface.vertices[i].transpose();
   }
-  Uncertainty(model, edges, scan, matches, options, result);
+  Uncertainty(model, topology.edges, scan, matches, options, result);
   return result;
 }
 

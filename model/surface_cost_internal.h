@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 #include <ceres/cost_function.h>
 
+#include "model/forward.h"
 #include "model/jacobian.h"
 
 namespace sole::model {
@@ -31,6 +32,22 @@ class SurfaceCost : public ceres::CostFunction {
     mutable_parameter_block_sizes()->push_back(static_cast<int>(3 * model.NumJoints()));
     mutable_parameter_block_sizes()->push_back(static_cast<int>(shape.beta.size()));
     mutable_parameter_block_sizes()->push_back(3);
+    // Several points share a vertex: each is differentiated once.
+    const Eigen::MatrixX3i& triangles = SurfaceOf(model, SurfaceVariant()).triangles;
+    std::vector<int> at(static_cast<std::size_t>(SurfaceOf(model, SurfaceVariant()).NumVertices()), -1);
+    for (const SurfacePoint& place : matches.places) {
+      Eigen::Vector3i corners;
+      for (int k = 0; k < 3; ++k) {
+        const int v = triangles(place.triangle, k);
+        int& slot = at[static_cast<std::size_t>(v)];
+        if (slot < 0) {
+          slot = static_cast<int>(vertices_.size());
+          vertices_.push_back(v);
+        }
+        corners[k] = slot;
+      }
+      corners_.push_back(corners);
+    }
   }
 
   bool Evaluate(double const* const* blocks, double* residuals, double** jacobians) const override {
@@ -40,30 +57,53 @@ class SurfaceCost : public ceres::CostFunction {
     }
     for (Eigen::Index b = 0; b < parameters.beta.size(); ++b) parameters.beta[b] = blocks[1][b];
     parameters.translation_m = Eigen::Vector3d(blocks[2][0], blocks[2][1], blocks[2][2]);
-    const Variant variant = model_.HasFine() ? Variant::kFine : Variant::kCoarse;
+    if (!jacobians) {
+      const Eigen::MatrixX3d posed = Forward(model_, parameters, SurfaceVariant()).vertices_m;
+      Eigen::MatrixX3d points(static_cast<Eigen::Index>(vertices_.size()), 3);
+      for (std::size_t i = 0; i < vertices_.size(); ++i)
+        points.row(static_cast<Eigen::Index>(i)) = posed.row(vertices_[i]);
+      for (std::size_t m = 0; m < corners_.size(); ++m) residuals[m] = Residual(m, points);
+      return true;
+    }
     const ParameterColumns columns = ColumnsOf(model_, parameters);
     const Eigen::Index first[3] = {columns.theta, columns.beta, columns.translation};
-    VisitSurfacePoints(
-        model_, parameters, variant, matches_.places,
-        [&](Eigen::Index m, const Eigen::Vector3d& position, const RowMatrix& rows) {
-          const auto i = static_cast<std::size_t>(m);
-          const Eigen::Vector3d n = matches_.weights[i] * matches_.normals[i];
-          residuals[m] = n.dot(position - matches_.targets[i]);
-          if (!jacobians) return;
-          for (std::size_t block = 0; block < 3; ++block) {
-            if (!jacobians[block]) continue;
-            const int size = parameter_block_sizes()[block];
-            Eigen::Map<Eigen::RowVectorXd>(jacobians[block] + m * size, size).noalias() =
-                n.transpose() * rows.middleCols(first[block], size);
-          }
-        });
+    const PointsJacobian vertices = VertexJacobian(model_, parameters, SurfaceVariant(), vertices_);
+    Eigen::RowVectorXd row(columns.count);
+    for (std::size_t m = 0; m < corners_.size(); ++m) {
+      residuals[m] = Residual(m, vertices.points_m);
+      row.setZero();
+      for (int k = 0; k < 3; ++k) {
+        const Eigen::Vector3d n =
+            matches_.weights[m] * matches_.places[m].barycentric[k] * matches_.normals[m];
+        for (int axis = 0; axis < 3; ++axis)
+          row += n[axis] * vertices.jacobian.row(3 * corners_[m][k] + axis);
+      }
+      for (std::size_t block = 0; block < 3; ++block) {
+        if (!jacobians[block]) continue;
+        const int size = parameter_block_sizes()[block];
+        Eigen::Map<Eigen::RowVectorXd>(jacobians[block] + static_cast<Eigen::Index>(m) * size, size) =
+            row.segment(first[block], size);
+      }
+    }
     return true;
   }
 
  private:
+  Variant SurfaceVariant() const { return model_.HasFine() ? Variant::kFine : Variant::kCoarse; }
+
+  /// Of correspondence m, from the places of `vertices_`.
+  double Residual(std::size_t m, const Eigen::MatrixX3d& points) const {
+    Eigen::Vector3d position = Eigen::Vector3d::Zero();
+    for (int k = 0; k < 3; ++k)
+      position += matches_.places[m].barycentric[k] * points.row(corners_[m][k]).transpose();
+    return matches_.weights[m] * matches_.normals[m].dot(position - matches_.targets[m]);
+  }
+
   const FootModel& model_;
   ModelParameters sizes_;
   const Correspondences& matches_;
+  std::vector<int> vertices_;             ///< of the surface, those that a correspondence needs
+  std::vector<Eigen::Vector3i> corners_;  ///< of every correspondence, in vertices_
 };
 
 /// Deviation of a block from zero, each value over its standard deviation; infinite ones do not count.

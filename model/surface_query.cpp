@@ -8,15 +8,35 @@
 #include "core/error.h"
 
 namespace sole::model {
+namespace {
+
+/// One device for all queries: making it takes longer than building a foot's volumes.
+RTCDevice SharedDevice() {
+  struct Holder {
+    RTCDevice device = rtcNewDevice("threads=1");
+    ~Holder() { rtcReleaseDevice(device); }  // scenes that outlive it hold it
+  };
+  static const Holder holder;
+  return holder.device;
+}
+
+}  // namespace
 
 struct SurfaceQuery::State {
   TriangleMesh mesh;
-  RTCDevice device = nullptr;
   RTCScene scene = nullptr;
+  RTCGeometry geometry = nullptr;  ///< the scene's
+  float* places = nullptr;         ///< its vertices
+
+  void CopyPlaces() {
+    float* place = places;
+    for (const Eigen::Vector3d& v : mesh.vertices) {
+      for (int k = 0; k < 3; ++k) *place++ = static_cast<float>(v[k]);
+    }
+  }
 
   ~State() {
     if (scene) rtcReleaseScene(scene);
-    if (device) rtcReleaseDevice(device);
   }
 };
 
@@ -61,16 +81,14 @@ SurfaceQuery::SurfaceQuery(const TriangleMesh& mesh) : state_(std::make_unique<S
             "surface query: a triangle refers to a vertex that does not exist");
   }
   state_->mesh = mesh;
-  state_->device = rtcNewDevice("threads=1");
-  state_->scene = rtcNewScene(state_->device);
+  state_->scene = rtcNewScene(SharedDevice());
   rtcSetSceneFlags(state_->scene, RTC_SCENE_FLAG_ROBUST);  // no ray slips between two triangles
-  const RTCGeometry geometry = rtcNewGeometry(state_->device, RTC_GEOMETRY_TYPE_TRIANGLE);
-  auto* vertices = static_cast<float*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0,
+  const RTCGeometry geometry = rtcNewGeometry(SharedDevice(), RTC_GEOMETRY_TYPE_TRIANGLE);
+  state_->geometry = geometry;
+  state_->places = static_cast<float*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0,
                                                                RTC_FORMAT_FLOAT3, 3 * sizeof(float),
                                                                mesh.vertices.size()));
-  for (const Eigen::Vector3d& v : mesh.vertices) {
-    for (int k = 0; k < 3; ++k) *vertices++ = static_cast<float>(v[k]);
-  }
+  state_->CopyPlaces();
   auto* indices = static_cast<unsigned*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0,
                                                                  RTC_FORMAT_UINT3, 3 * sizeof(unsigned),
                                                                  mesh.triangles.size()));
@@ -80,6 +98,17 @@ SurfaceQuery::SurfaceQuery(const TriangleMesh& mesh) : state_(std::make_unique<S
   rtcCommitGeometry(geometry);
   rtcAttachGeometry(state_->scene, geometry);
   rtcReleaseGeometry(geometry);
+  rtcCommitScene(state_->scene);
+}
+
+void SurfaceQuery::Move(const std::vector<Eigen::Vector3d>& vertices_m) {
+  Require(vertices_m.size() == state_->mesh.vertices.size(), "surface query: another number of vertices");
+  state_->mesh.vertices = vertices_m;
+  state_->CopyPlaces();
+  rtcSetSceneFlags(state_->scene, RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_DYNAMIC);
+  rtcSetGeometryBuildQuality(state_->geometry, RTC_BUILD_QUALITY_REFIT);
+  rtcUpdateGeometryBuffer(state_->geometry, RTC_BUFFER_TYPE_VERTEX, 0);
+  rtcCommitGeometry(state_->geometry);
   rtcCommitScene(state_->scene);
 }
 

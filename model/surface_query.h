@@ -2,6 +2,7 @@
 
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include <Eigen/Core>
 
@@ -9,8 +10,8 @@
 
 namespace sole::model {
 
-/// Closest-point and ray queries on a fixed triangle mesh, through Embree's bounding volumes;
-/// distances are evaluated in double precision. Build one per posed mesh; queries may run from several threads.
+/// Closest-point and ray queries on a triangle mesh, through Embree's bounding volumes;
+/// distances are evaluated in double precision. Queries may run from several threads.
 class SurfaceQuery {
  public:
   /// Throws Error if the mesh has no triangles or indices out of range.
@@ -18,6 +19,10 @@ class SurfaceQuery {
   ~SurfaceQuery();
   SurfaceQuery(SurfaceQuery&&) noexcept;
   SurfaceQuery& operator=(SurfaceQuery&&) noexcept;
+
+  /// Moves the mesh's vertices; cheaper than a new query where they move little against each other.
+  /// Throws Error if their number changes. Not while another thread asks.
+  void Move(const std::vector<Eigen::Vector3d>& vertices_m);
 
   struct Hit {
     SurfacePoint point;

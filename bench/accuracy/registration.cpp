@@ -3,8 +3,11 @@
 // usage: bench_registration [--motion NAME,...] [--people N] [--seed S] [--frames F] [--rate HZ]
 #include <fmt/format.h>
 
+#include <sys/resource.h>
+
 #include <CLI/CLI.hpp>
-#include <chrono>
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <random>
 #include <vector>
@@ -69,19 +72,45 @@ Take MakeTake(const std::string& name, std::uint64_t seed, const Arguments& a) {
   return take;
 }
 
+/// Processor time of this process, all threads, user and system.
+double ProcessorSeconds() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  const auto seconds = [](const timeval& t) { return double(t.tv_sec) + 1e-6 * double(t.tv_usec); };
+  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
+}
+
 /// Sums over frames; lengths in mm.
 struct Score {
   int takes = 0, frames = 0, found = 0, good = 0, wrong_side = 0;
   int good_but_far = 0;  ///< verdict good, registered points 3 mm from their places and more
-  double registration = 0, worst_registration = 0, fit[2] = {0, 0}, residual = 0, seconds = 0;
+  double registration = 0, worst_registration = 0, fit[2] = {0, 0}, residual = 0;
+  double first_seconds = 0, later_seconds = 0;  ///< of processor: subject pass with a take's first frame, the others
   int fitted[2] = {0, 0};
   double vertex[2] = {0, 0};  ///< registered vertices' distances, free and touching ones
   long vertices[2] = {0, 0};
   long both = 0, said = 0, touching = 0, free_right = 0, free = 0;
 };
 
+/// Of labels by their probability: how many there are and how many truly touch.
+struct Reliability {
+  std::array<long, 10> count{}, touching{};
+  void Add(double probability, bool touches) {
+    const auto bin = static_cast<std::size_t>(std::clamp(10 * probability, 0.0, 9.0));
+    ++count[bin];
+    touching[bin] += touches;
+  }
+  void Print() const {
+    fmt::print("\n| probability said | vertices | share that touches |\n|---|---|---|\n");
+    for (std::size_t b = 0; b < count.size(); ++b) {
+      fmt::print("| {:.1f} to {:.1f} | {} | {} |\n", 0.1 * double(b), 0.1 * double(b + 1), count[b],
+                 count[b] ? fmt::format("{:.2f}", double(touching[b]) / double(count[b])) : "-");
+    }
+  }
+};
+
 void Add(const Take& take, const FitSequence& fit, const app::ModelPair& models,
-         const std::string& name, bool verbose, Score& score) {
+         const std::string& name, bool verbose, Score& score, Reliability& reliability) {
   ++score.takes;
   bool wrong = false;
   for (std::size_t f = 0; f < fit.frames.size(); ++f) {
@@ -109,6 +138,7 @@ void Add(const Take& take, const FitSequence& fit, const app::ModelPair& models,
       score.vertex[is] += 1e3 * (frame.registration_m.row(row).transpose() - places[v]).norm();
       ++score.vertices[is];
       touches |= is;
+      reliability.Add(labels.probability[row], is);
       if (gap < 0.00005 || gap > 0.00015) {
         score.both += is && label;
         score.said += label;
@@ -141,29 +171,39 @@ int Run(const Arguments& a) {
       app::LoadModelPair(a.model.empty() ? app::DefaultModelPath() : std::filesystem::path(a.model));
   fmt::print(
       "| motion | takes | frames | found | good | good but off | wrong side | registration, mm: mean, worst, of free and touching vertices | fit, "
-      "mm: contact, air | scan to surface, mm | contact F1 | near but free | s a frame |\n"
+      "mm: contact, air | scan to surface, mm | contact F1 | near but free | CPU s: first frame, each further one |\n"
       "|---|---|---|---|---|---|---|---|---|---|---|---|---|\n");
+  Reliability reliability;
   for (const std::string& name : a.motions) {
     Score s;
     for (int p = 0; p < a.people; ++p) {
       const Take take = MakeTake(name, a.seed + static_cast<std::uint64_t>(p), a);
-      const auto begin = std::chrono::steady_clock::now();
+      model::FitOptions options;
+      options.label_contact = [](const Eigen::MatrixX3d& vertices_m, const Eigen::VectorXd& sd_m, std::size_t) {
+        return contact::LabelContact(vertices_m, sd_m, GroundPlane{}).probability;
+      };
+      const double begin = ProcessorSeconds();
+      double first = 0;
       const FitSequence fit =
-          model::FitFrames(models.right, models.left, take.clouds, take.triggers);
-      s.seconds +=
-          std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-      Add(take, fit, models, name, a.verbose, s);
+          model::FitFrames(models.right, models.left, take.clouds, take.triggers, options, [&](int done, int) {
+            if (done == 1) first = ProcessorSeconds() - begin;
+          });
+      s.first_seconds += first;
+      s.later_seconds += ProcessorSeconds() - begin - first;
+      Add(take, fit, models, name, a.verbose, s, reliability);
     }
     const auto mean = [](double sum, int n) { return n ? fmt::format("{:.2f}", sum / n) : "-"; };
-    fmt::print("| {} | {} | {} | {} | {} | {} | {} | {}, {:.2f}, {:.2f}, {:.2f} | {}, {} | {:.3f} | {:.3f} | {:.3f} | {:.2f} |\n", name,
+    fmt::print("| {} | {} | {} | {} | {} | {} | {} | {}, {:.2f}, {:.2f}, {:.2f} | {}, {} | {:.3f} | {:.3f} | {:.3f} | {:.2f}, {:.2f} |\n", name,
                s.takes, s.frames, s.found, s.good, s.good_but_far, s.wrong_side,
                mean(s.registration, s.found), s.worst_registration,
                s.vertex[0] / double(std::max(s.vertices[0], 1L)), s.vertex[1] / double(std::max(s.vertices[1], 1L)), mean(s.fit[1], s.fitted[1]),
                mean(s.fit[0], s.fitted[0]), s.found ? s.residual / s.found : 0.0,
                s.said + s.touching ? 2.0 * double(s.both) / double(s.said + s.touching) : 1.0,
-               s.free ? double(s.free_right) / double(s.free) : 1.0, s.seconds / s.frames);
+               s.free ? double(s.free_right) / double(s.free) : 1.0, s.first_seconds / s.takes,
+               s.later_seconds / std::max(1, s.frames - s.takes));
     std::fflush(stdout);
   }
+  reliability.Print();
   return 0;
 }
 

@@ -77,6 +77,17 @@ TEST(Fit, RoundTripsAndFillsFramesWithoutAFootWithNan) {
   EXPECT_TRUE(std::isnan(empty.residual_m));
 }
 
+TEST(Fit, KeepsTheContactThatTheModelWasTold) {
+  const TempDir dir;
+  FitSequence written;
+  written.frames = {MakeFit(1), MakeFit(2)};
+  written.frames[1].contact = Eigen::VectorXd::LinSpaced(7, 0, 1);
+  WriteFit(dir / "fit.npz", written);
+  const FitSequence read = ReadFit(dir / "fit.npz");
+  EXPECT_EQ(read.frames[0].contact.size(), 0);
+  EXPECT_EQ(read.frames[1].contact, written.frames[1].contact);
+}
+
 TEST(Fit, HasTheDocumentedNamesAndShapes) {
   const TempDir dir;
   FitSequence fit;
@@ -93,6 +104,7 @@ TEST(Fit, HasTheDocumentedNamesAndShapes) {
   EXPECT_EQ(ShapeOf(npz, "vertices_m"), (Shape{2, 7, 3}));
   EXPECT_EQ(ShapeOf(npz, "registration_fine_m"), (Shape{2, 11, 3}));
   EXPECT_EQ(ShapeOf(npz, "vertex_sd_m"), (Shape{2, 7}));
+  EXPECT_FALSE(npz.contains("contact"));  // without a network that is told contact
   EXPECT_EQ(StringFrom(npz, "format"), "sole-fit");
 }
 

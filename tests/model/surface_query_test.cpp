@@ -4,6 +4,7 @@
 #include <limits>
 #include <random>
 
+#include <Eigen/Geometry>
 #include <gtest/gtest.h>
 
 #include "core/error.h"
@@ -52,6 +53,31 @@ TEST(SurfaceQuery, AgreesWithBruteForce) {
     EXPECT_LT((PositionOf(mesh, hit->point) - hit->position).norm(), 1e-12);
     EXPECT_FALSE(query.Closest(p, 0.99 * best));
   }
+}
+
+TEST(SurfaceQuery, FollowsItsVertices) {
+  TriangleMesh mesh = Ellipsoid({0.05, 0.13, 0.04}, 20, 30);
+  SurfaceQuery moved(mesh);
+  std::mt19937_64 random(6);
+  std::uniform_real_distribution<double> unit(-0.15, 0.15);
+  for (const double turn : {0.4, 2.0}) {
+    // A turn, a shift and a dent: nothing stays where it was.
+    for (Eigen::Vector3d& v : mesh.vertices) {
+      v = Eigen::AngleAxisd(turn, Eigen::Vector3d(1, 2, 3).normalized()) * v + Eigen::Vector3d(0.3, 0, -0.1);
+      v.y() *= 0.9;
+    }
+    moved.Move(mesh.vertices);
+    const SurfaceQuery made(mesh);
+    for (int trial = 0; trial < 100; ++trial) {
+      const Eigen::Vector3d p = mesh.vertices[5] + Eigen::Vector3d(unit(random), unit(random), unit(random));
+      const auto a = moved.Closest(p, 1.0), b = made.Closest(p, 1.0);
+      ASSERT_TRUE(a && b);
+      EXPECT_EQ(a->point.triangle, b->point.triangle);
+      EXPECT_EQ(a->distance_m, b->distance_m);
+    }
+  }
+  mesh.vertices.pop_back();
+  EXPECT_THROW(moved.Move(mesh.vertices), Error);
 }
 
 /// Distance along a ray to the nearest triangle, by its three edge planes.
