@@ -33,6 +33,7 @@ void AddColmapCommands(CLI::App& calibrate, CommonOptions& common, int& status);
 void AddProcessingCommands(CLI::App& app, CommonOptions& common, int& status);
 void AddMatchCommand(CLI::App& app, CommonOptions& common, int& status);
 void AddDatasetCommands(CLI::App& app, CommonOptions& common, int& status);
+void AddTrainCommand(CLI::App& app, CommonOptions& common, int& status);
 void AddModelCommands(CLI::App& app, CommonOptions& common, int& status);
 
 }  // namespace sole::app

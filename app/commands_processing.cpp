@@ -121,6 +121,7 @@ void AddCommands(CLI::App& app, CommonOptions& common, int& status) {
   AddTakeCommands(app, common, status);
   AddMatchCommand(app, common, status);
   AddModelCommands(app, common, status);
+  AddTrainCommand(app, common, status);
   AddDatasetCommands(app, common, status);
 }
 

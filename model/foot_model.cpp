@@ -113,6 +113,20 @@ void CheckRegressor(const FootModel& model) {
   Require(regressor.allFinite(), "foot model: J_regressor holds values that are not numbers");
 }
 
+void CheckPoseSpace(const FootModel& model) {
+  const PoseSpace& space = model.pose_space;
+  if (space.Empty()) return;
+  const Eigen::Index values = 3 * (model.NumJoints() - 1), c = space.components.cols(),
+                     gaussians = space.weights.size();
+  CheckSize(space.mean.size(), values, "pose space's number of values");
+  CheckSize(space.components.rows(), values, "pose space's number of values a component");
+  CheckSize(space.variances.size(), values, "pose space's number of variances");
+  CheckSize(space.means.rows(), gaussians, "pose space's number of means");
+  CheckSize(space.means.cols(), c, "pose space's number of components");
+  CheckSize(space.covariances.rows(), gaussians, "pose space's number of covariances");
+  CheckSize(space.covariances.cols(), c * c, "pose space's size of a covariance");
+}
+
 void CheckOthers(const FootModel& model) {
   const Eigen::Index n = model.NumVertices();
   Require(model.mirror_axis >= 0 && model.mirror_axis < 3,
@@ -128,6 +142,7 @@ void CheckOthers(const FootModel& model) {
             fmt::format("foot model: landmark '{}' names vertex {} of {}", landmark.name,
                         landmark.vertex, n));
   }
+  CheckPoseSpace(model);
   if (model.network.empty()) return;
   KindOfNetwork(model);
   CheckSize(model.network.back().weight.rows(), 3 * n, "network's number of outputs");

@@ -7,6 +7,7 @@
 
 #include "core/fit_sequence.h"
 #include "core/mesh.h"
+#include "model/pose_space.h"
 
 namespace sole::model {
 
@@ -91,6 +92,7 @@ struct FootModel {
   Eigen::MatrixXd joint_regressor;
   Eigen::MatrixXd activations;  ///< N x K of the correctives, or empty (already within posedirs)
   std::vector<NetworkLayer> network;  ///< contact-conditioned network, no layers = zero offsets
+  PoseSpace pose_space;  ///< how the training poses are distributed; may be empty
   std::vector<Landmark> landmarks;
   std::vector<SurfacePoint>
       material;         ///< per coarse vertex, on the simulator's reference foot; or empty

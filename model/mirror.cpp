@@ -68,6 +68,12 @@ FootModel MirrorModel(const FootModel& model) {
     MirrorRows(axis, mirrored.network.back().weight);
     for (Eigen::Index row = axis; row < 3 * n; row += 3) mirrored.network.back().bias[row] *= -1;
   }
+  PoseSpace& poses = mirrored.pose_space;
+  for (Eigen::Index value = 0; value < poses.mean.size(); ++value) {
+    if (value % 3 == axis) continue;
+    poses.mean[value] *= -1;
+    poses.components.row(value) *= -1;
+  }
   Prepare(mirrored);
   return mirrored;
 }

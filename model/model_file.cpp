@@ -135,6 +135,18 @@ void PutConstraints(io::Npz& npz, const FootModel& model) {
   npz["hinge_axes"] = RealArray(axes, {Size(axes.rows()), 2, 3}, false);
 }
 
+void PutPoseSpace(io::Npz& npz, const PoseSpace& space, bool single) {
+  if (space.Empty()) return;
+  const std::size_t p = Size(space.mean.size()), c = Size(space.components.cols()),
+                    g = Size(space.weights.size());
+  npz["pose_mean"] = RealArray(space.mean, {p}, single);
+  npz["pose_components"] = RealArray(space.components, {p, c}, single);
+  npz["pose_variances"] = RealArray(space.variances, {p}, single);
+  npz["pose_mixture_weights"] = RealArray(space.weights, {g}, single);
+  npz["pose_mixture_means"] = RealArray(space.means, {g, c}, single);
+  npz["pose_mixture_covariances"] = RealArray(space.covariances, {g, c, c}, single);
+}
+
 /// Shape of an array, after checking its number of dimensions.
 const Shape& Dimensions(const io::Npz& npz, const std::string& name, std::size_t dimensions) {
   const Shape& shape = io::ShapeOf(npz, name);
@@ -260,6 +272,23 @@ void GetConstraints(const io::Npz& npz, FootModel& model) {
   }
 }
 
+PoseSpace GetPoseSpace(const io::Npz& npz) {
+  PoseSpace space;
+  if (!npz.contains("pose_mean")) return space;
+  Dimensions(npz, "pose_mean", 1);
+  Dimensions(npz, "pose_variances", 1);
+  Dimensions(npz, "pose_mixture_weights", 1);
+  const Shape& shape = Dimensions(npz, "pose_mixture_covariances", 3);
+  Require(shape[1] == shape[2], "'pose_mixture_covariances' holds no square matrices");
+  space.mean = io::MatrixFrom(npz, "pose_mean").col(0);
+  space.components = Table(npz, "pose_components");
+  space.variances = io::MatrixFrom(npz, "pose_variances").col(0);
+  space.weights = io::MatrixFrom(npz, "pose_mixture_weights").col(0);
+  space.means = Table(npz, "pose_mixture_means");
+  space.covariances = io::MatrixFrom(npz, "pose_mixture_covariances");
+  return space;
+}
+
 Family FamilyFrom(const std::string& name) {
   for (const Family family : {Family::kSupr, Family::kStar, Family::kSmpl}) {
     if (FamilyName(family) == name) return family;
@@ -295,6 +324,7 @@ FootModel ModelFrom(const io::Npz& npz) {
   if (npz.contains("A")) model.activations = Table(npz, "A");
   if (npz.contains("material_triangle")) model.material = GetMaterial(npz);
   model.network = GetNetwork(npz);
+  model.pose_space = GetPoseSpace(npz);
   Prepare(model);
   // Correctives that are all zero cost time and nothing else.
   if ((model.coarse.posedirs.array() == 0).all() && (model.fine.posedirs.array() == 0).all()) {
@@ -372,6 +402,7 @@ void SaveModel(const std::filesystem::path& path, const FootModel& model,
     npz[fmt::format("network_bias_{}", l)] =
         RealArray(layer.bias, {Size(layer.bias.size())}, single);
   }
+  PutPoseSpace(npz, model.pose_space, single);
   io::WriteNpz(path, npz);
 }
 

@@ -19,7 +19,8 @@ struct SaveModelOptions {
 /// mirror (axis), A* (N,K), network_weight_0*, network_bias_0* ..., fine_v_template*, fine_f*,
 /// fine_weights*, fine_shapedirs*, fine_posedirs* (F rows), upsampling_vertex*, upsampling_weight*
 /// (F,m), material_triangle* (N), material_barycentric* (N,3), hinge_axes* (K,2,3: zero where a
-/// joint has fewer than two), pose_index* (K,3). Throws Error with the path where the
+/// joint has fewer than two), pose_index* (K,3), pose_mean*, pose_components*, pose_variances*,
+/// pose_mixture_weights*, pose_mixture_means*, pose_mixture_covariances* (see PoseSpace). Throws Error with the path where the
 /// file is not such a model or a size does not fit the others.
 FootModel LoadModel(const std::filesystem::path& path);
 

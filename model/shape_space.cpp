@@ -6,6 +6,7 @@
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "core/error.h"
 
@@ -30,6 +31,53 @@ ShapeSpace LearnShapeSpace(const Eigen::MatrixXd& shapes, Eigen::Index num_compo
     space.components.col(c) =
         centred * solver.eigenvectors().col(samples - 1 - c) / std::sqrt(divisor);
   }
+  return space;
+}
+
+void AddShapes(const Eigen::MatrixXd& shapes, ShapeSum& sum) {
+  const Eigen::Index more = shapes.cols(), size = shapes.rows();
+  Require(sum.rank > 0 && (sum.samples == 0 || sum.mean.size() == size),
+          "shape space: shapes of another size than those before");
+  if (more == 0) return;
+  if (sum.samples == 0) {
+    sum.mean = Eigen::VectorXd::Zero(size);
+    sum.directions.resize(size, 0);
+  }
+  const Eigen::VectorXd their_mean = shapes.rowwise().mean();
+  const Eigen::MatrixXd centred = shapes.colwise() - their_mean;
+  const double before = static_cast<double>(sum.samples), after = static_cast<double>(more);
+  const Eigen::VectorXd shift = their_mean - sum.mean;
+  const double pull = before * after / (before + after);
+  const Eigen::Index kept = sum.directions.cols();
+  Eigen::MatrixXd all(size, kept + more + 1);
+  all << sum.directions, centred, std::sqrt(pull) * shift;
+  sum.mean += after / (before + after) * shift;
+  sum.scatter += centred.squaredNorm() + pull * shift.squaredNorm();
+  sum.samples += more;
+  if (all.cols() <= sum.rank) {
+    sum.directions = std::move(all);
+    return;
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(all.transpose() * all);
+  sum.directions = all * solver.eigenvectors().rightCols(sum.rank);
+}
+
+ShapeSpace LearnShapeSpace(const ShapeSum& sum, Eigen::Index num_components) {
+  Require(sum.samples > num_components && num_components <= sum.directions.cols(),
+          fmt::format("shape space: {} components need more than {} shapes", num_components,
+                      sum.samples));
+  const double divisor = static_cast<double>(sum.samples - 1);
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(
+      sum.directions.transpose() * sum.directions / divisor);
+  const Eigen::Index kept = std::min(sum.directions.cols(), sum.samples - 1);
+  ShapeSpace space;
+  space.mean = sum.mean;
+  space.variances.resize(kept + 1);
+  space.variances.head(kept) = solver.eigenvalues().reverse().head(kept).cwiseMax(0);
+  space.variances[kept] = std::max(0.0, sum.scatter / divisor - space.variances.head(kept).sum());
+  space.components = sum.directions *
+                     solver.eigenvectors().rowwise().reverse().leftCols(num_components) /
+                     std::sqrt(divisor);
   return space;
 }
 

@@ -34,7 +34,7 @@ Eigen::Index NumInputs(const NetworkSamples& samples, NetworkKind kind) {
 void CheckOptions(const NetworkTrainingOptions& o) {
   Require(o.batch >= 1 && o.epochs >= 1 && o.patience >= 1 && o.plateau >= 1 && o.rate > 0 &&
               o.rate_decay > 0 && o.rate_decay <= 1 && o.weight_decay >= 0 && o.soft_share >= 0 &&
-              o.scaled_share >= 0 && o.soft_share + o.scaled_share <= 1,
+              o.scaled_share >= 0 && o.pose_noise_rad >= 0 && o.soft_share + o.scaled_share <= 1,
           "network training: an option is out of its range");
   for (const int width : o.hidden) Require(width >= 1, "network training: a layer has no width");
 }
@@ -44,17 +44,35 @@ struct View {
   Eigen::Index sample = 0;
   bool soft = false;
   float share = 1;  ///< of contact and offsets
+  std::uint64_t noise = 0;  ///< seed of the pose's noise, 0: none
 };
+
+double Uniform(std::mt19937_64& engine) { return static_cast<double>(engine() >> 11) * 0x1p-53; }
+
+/// Turns of independent joints, small: half of each shows in the vector part of its quaternion.
+void AddPoseNoise(std::uint64_t seed, double sd_rad, Eigen::Ref<Eigen::VectorXf> features) {
+  std::mt19937_64 engine(seed);
+  for (Eigen::Index joint = 0; joint + 4 <= features.size(); joint += 4) {
+    for (Eigen::Index axis = joint; axis < joint + 3; ++axis) {
+      // Sum of four uniform values: near enough to a Gaussian, of deviation sqrt(1/3).
+      double sum = -2;
+      for (int i = 0; i < 4; ++i) sum += Uniform(engine);
+      features[axis] += static_cast<float>(0.5 * sd_rad * std::sqrt(3.0) * sum);
+    }
+  }
+}
 
 /// Plain inputs, one column a view.
 Eigen::MatrixXf Inputs(const NetworkSamples& samples, std::span<const View> views,
-                       Eigen::Index inputs) {
+                       Eigen::Index inputs, double pose_noise_rad) {
   Eigen::MatrixXf columns(inputs, static_cast<Eigen::Index>(views.size()));
   const Eigen::Index given = std::min(inputs, samples.given.rows());
   for (std::size_t v = 0; v < views.size(); ++v) {
     const View& view = views[v];
     auto column = columns.col(static_cast<Eigen::Index>(v));
     column.head(given) = samples.given.col(view.sample).head(given);
+    if (view.noise != 0)
+      AddPoseNoise(view.noise, pose_noise_rad, column.head(samples.given.rows() - kNetworkBetas));
     if (inputs > given) {
       column.tail(inputs - given) =
           view.share *
@@ -111,12 +129,15 @@ std::vector<View> DrawViews(const NetworkSamples& samples, const NetworkTraining
   for (std::size_t v = 0; v < views.size(); ++v)
     views[v].sample = static_cast<Eigen::Index>(v);
   // Own shuffle and numbers: those of the standard library differ between its makers.
-  const auto uniform = [&] { return static_cast<double>(engine() >> 11) * 0x1p-53; };
   for (std::size_t v = views.size(); v > 1; --v)
-    std::swap(views[v - 1], views[static_cast<std::size_t>(uniform() * static_cast<double>(v))]);
+    std::swap(views[v - 1],
+              views[static_cast<std::size_t>(Uniform(engine) * static_cast<double>(v))]);
+  if (options.pose_noise_rad > 0) {
+    for (View& view : views) view.noise = engine() | 1;
+  }
   if (options.kind != NetworkKind::kPoseShapeContact) return views;
   for (View& view : views) {
-    const double draw = uniform(), share = uniform();
+    const double draw = Uniform(engine), share = Uniform(engine);
     if (draw < options.soft_share) {
       view.soft = true;
     } else if (draw < options.soft_share + options.scaled_share &&
@@ -155,7 +176,7 @@ Loss LearnBatch(const NetworkSamples& samples, std::span<const View> views,
     const Eigen::Index begin = size * part / kParts, end = size * (part + 1) / kParts;
     const auto some = views.subspan(static_cast<std::size_t>(begin),
                                     static_cast<std::size_t>(end - begin));
-    Eigen::MatrixXf columns = Inputs(samples, some, inputs);
+    Eigen::MatrixXf columns = Inputs(samples, some, inputs, options.pose_noise_rad);
     Scale(training, columns);
     const ForwardPass pass = RunForward(training.network, columns);
     Eigen::MatrixXf by_values;
@@ -222,7 +243,7 @@ NetworkTraining StartNetworkTraining(const NetworkSamples& samples,
     const bool last = l + 2 == widths.size();
     const double range = std::sqrt((last ? 0.1 : 6.0) / static_cast<double>(widths[l]));
     for (Eigen::Index w = 0; w < widths[l] * widths[l + 1]; ++w)
-      *at++ = static_cast<float>(range * (static_cast<double>(engine() >> 11) * 0x1p-52 - 1));
+      *at++ = static_cast<float>(range * (2 * Uniform(engine) - 1));
     at += widths[l + 1];
   }
   training.first_moment = training.second_moment =
@@ -239,8 +260,8 @@ double NetworkLoss(const NetworkSamples& samples, const NetworkTrainingOptions& 
   tbb::parallel_for(Eigen::Index{0}, chunks, [&](Eigen::Index chunk) {
     std::vector<View> views;
     for (Eigen::Index s = kColumns * chunk; s < std::min(samples.Size(), kColumns * (chunk + 1)); ++s)
-      views.push_back({s, false, 1});
-    Eigen::MatrixXf columns = Inputs(samples, views, NumInputs(samples, options.kind));
+      views.push_back({s, false, 1, 0});
+    Eigen::MatrixXf columns = Inputs(samples, views, NumInputs(samples, options.kind), 0);
     Scale(training, columns);
     losses[static_cast<std::size_t>(chunk)] =
         LossOf(samples, views, training, EvaluateBatch(training.network, columns), nullptr);

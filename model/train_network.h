@@ -36,6 +36,10 @@ struct NetworkTrainingOptions {
   /// part of their offsets; half of them see none (s = 0). This is what makes contact, not the pose
   /// that goes with it, move the sole, in proportion.
   double scaled_share = 0.25;
+  /// Standard deviation of turns added to every joint of every sample, drawn anew every epoch: fitted
+  /// poses are known no better, and a network that lives on smaller differences has learnt the fit's
+  /// habits (its leftovers of contact among them), not the foot's.
+  double pose_noise_rad = 0.02;
   /// Whether the root's rotation, the foot's heading in the room included, counts. Otherwise its
   /// inputs have zero weights.
   bool root = false;

@@ -8,8 +8,8 @@
 #include <cstdint>
 #include <mutex>
 
-#include "app/tools/motion_training.h"
 #include "app/tools/simulated_people.h"
+#include "model/train_person.h"
 #include "model/vertex_fit.h"
 
 namespace sole::tools {
@@ -24,7 +24,7 @@ struct Row {
 
 void Fit(const model::FootModel& foot, const Eigen::MatrixX3d& target, Row& row) {
   const model::VertexFitResult fit =
-      FitVertices(foot, model::Variant::kCoarse, target, RigidStart(foot, target));
+      FitVertices(foot, model::Variant::kCoarse, target, model::RigidStart(foot, target));
   row.means_mm.push_back(1e3 * fit.mean_distance_m);
   row.largest_mm.push_back(1e3 * fit.max_distance_m);
 }

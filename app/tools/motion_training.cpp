@@ -11,6 +11,7 @@
 #include "model/shape_space.h"
 #include "model/skeleton.h"
 #include "model/skinning_fit.h"
+#include "model/train_person.h"
 #include "model/vertex_fit.h"
 
 namespace sole::tools {
@@ -42,7 +43,7 @@ Explained Explain(const model::FootModel& own, const Person& person,
                   const Eigen::MatrixX3d& posed) {
   const Eigen::MatrixX3d target = posed.topRows(own.NumVertices());
   const model::VertexFitResult fit =
-      FitVertices(own, model::Variant::kCoarse, target, RigidStart(own, target));
+      FitVertices(own, model::Variant::kCoarse, target, model::RigidStart(own, target));
   Explained explained{fit.parameters, {person.rest_m, posed, {}}, fit.mean_distance_m};
   const model::Skeleton skeleton = PoseSkeleton(own, fit.parameters.theta, fit.parameters.beta);
   for (Eigen::Index j = 0; j < own.NumJoints(); ++j) {
@@ -77,20 +78,6 @@ double MeanDistance(const std::vector<Explained>& all) {
 void SetWeights(const Eigen::MatrixXd& weights, model::FootModel& foot) {
   foot.fine.weights = weights;
   foot.coarse.weights = weights.topRows(foot.NumVertices());
-}
-
-/// Lets every joint's parent and children move a vertex too, with a small share.
-Eigen::MatrixXd WidenedShares(const Eigen::MatrixXd& shares, const std::vector<int>& parents) {
-  Eigen::MatrixXd widened = shares;
-  for (std::size_t j = 1; j < parents.size(); ++j) {
-    widened.col(static_cast<Eigen::Index>(j)) += 0.02 * shares.col(parents[j]);
-    widened.col(parents[j]) += 0.02 * shares.col(static_cast<Eigen::Index>(j));
-  }
-  for (Eigen::Index i = 0; i < widened.rows(); ++i) {
-    widened.row(i) = (widened.row(i).array() < 0.002).select(0, widened.row(i)).eval();
-    widened.row(i) /= widened.row(i).sum();
-  }
-  return widened;
 }
 
 /// What the linear model lacks in the rest pose, stacked: the residual turned back by each vertex's
@@ -147,20 +134,10 @@ std::vector<Eigen::Vector3d> PointsToVector(const Eigen::MatrixX3d& points) {
   return result;
 }
 
-model::ModelParameters RigidStart(const model::FootModel& foot, const Eigen::MatrixX3d& target_m) {
-  const Rigid3 motion = model::AlignRigidly(foot.coarse.template_m, target_m);
-  model::ModelParameters start = RestParameters(foot);
-  const Eigen::AngleAxisd turn(motion.rotation);
-  start.theta.row(0) = turn.angle() * turn.axis().transpose();
-  const Eigen::Vector3d root = foot.derived.joints_m.row(0);
-  start.translation_m = motion * root - root;
-  return start;
-}
-
 void LearnMotion(std::span<const Person> people, const Eigen::MatrixXd& shares, int rounds,
                  bool correctives, model::FootModel& foot,
                  const std::function<void(const std::string&)>& log) {
-  const Eigen::MatrixXd prior = WidenedShares(shares, foot.parents);
+  const Eigen::MatrixXd prior = model::WidenedWeights(shares, foot.parents);
   SetWeights(shares, foot);
   for (int round = 0; round < rounds; ++round) {
     const std::vector<Explained> all = ExplainAll(people, foot);

@@ -18,7 +18,4 @@ void LearnMotion(std::span<const Person> people, const Eigen::MatrixXd& shares, 
                  bool correctives, model::FootModel& foot,
                  const std::function<void(const std::string&)>& log);
 
-/// The start of a fit: rest pose, template laid on the target (coarse vertices) rigidly.
-model::ModelParameters RigidStart(const model::FootModel& foot, const Eigen::MatrixX3d& target_m);
-
 }  // namespace sole::tools

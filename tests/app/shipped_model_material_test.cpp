@@ -2,9 +2,9 @@
 
 #include <filesystem>
 
-#include "app/tools/motion_training.h"
 #include "app/tools/simulated_people.h"
 #include "model/model_file.h"
+#include "model/train_person.h"
 #include "model/vertex_fit.h"
 
 namespace sole::tools {

@@ -33,6 +33,32 @@ TEST(LearnShapeSpace, FindsScaledComponentsOfALinearModel) {
   EXPECT_NEAR(beta.squaredNorm() / 399, 1, 1e-9);
 }
 
+TEST(ShapeSum, ShapeByShapeGivesWhatAllAtOnceGives) {
+  std::mt19937_64 engine(62);
+  // 6 strong directions and weak noise; blocks of uneven size, one after the mean has moved.
+  Eigen::MatrixXd shapes =
+      testing::RandomMatrix(engine, 60, 6, 1) * testing::RandomMatrix(engine, 6, 90, 1) +
+      testing::RandomMatrix(engine, 60, 90, 1e-3);
+  shapes.rightCols(40).array() += 0.7;
+  const ShapeSpace wanted = LearnShapeSpace(shapes, 5);
+  for (const Eigen::Index rank : {12, 200}) {
+    ShapeSum sum;
+    sum.rank = rank;
+    for (const auto& [first, size] : {std::pair<Eigen::Index, Eigen::Index>{0, 1}, {1, 49}, {50, 7}, {57, 33}})
+      AddShapes(shapes.middleCols(first, size), sum);
+    const ShapeSpace got = LearnShapeSpace(sum, 5);
+    EXPECT_LT((got.mean - wanted.mean).norm(), 1e-12);
+    EXPECT_LT((got.variances.head(7) - wanted.variances.head(7)).cwiseAbs().maxCoeff(), 1e-4);
+    EXPECT_NEAR(got.variances.sum(), wanted.variances.sum(), 1e-9 * wanted.variances.sum());
+    for (Eigen::Index c = 0; c < 5; ++c) {
+      EXPECT_NEAR(std::abs(got.components.col(c).normalized().dot(wanted.components.col(c).normalized())), 1,
+                  1e-6);
+      EXPECT_NEAR(got.components.col(c).norm(), wanted.components.col(c).norm(), 1e-4);
+    }
+    EXPECT_LE(sum.directions.cols(), std::max<Eigen::Index>(rank, 94));
+  }
+}
+
 TEST(LearnShapeSpace, NeedsMoreShapesThanComponents) {
   EXPECT_THROW(LearnShapeSpace(Eigen::MatrixXd::Zero(9, 4), 4), Error);
 }

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "random_model.h"
 
 namespace sole::model {
@@ -35,6 +37,22 @@ TEST(FitVertices, CanKeepTheShape) {
                   {.iterations = 100, .sigma_m = 1e-6, .fit_beta = false});
   EXPECT_EQ(fit.parameters.beta, truth.beta);
   EXPECT_LT(fit.mean_distance_m, 1e-6);
+}
+
+TEST(FitVertices, VerticesWithoutWeightDoNotCount) {
+  const FootModel model = RandomModel(Family::kSupr, 95, false, false);
+  ModelParameters truth = RandomParameters(model, 96);
+  truth.theta *= 0.3;
+  truth.contact.resize(0);
+  Eigen::MatrixX3d target = Forward(model, truth, Variant::kFine).vertices_m;
+  target.topRows(3).array() += 0.2;
+  Eigen::VectorXd weights = Eigen::VectorXd::Ones(target.rows());
+  weights.head(3).setZero();
+  const VertexFitResult fit =
+      FitVertices(model, Variant::kFine, target, RestParameters(model),
+                  {.iterations = 100, .sigma_m = 1e-6, .weights = weights});
+  EXPECT_LT((fit.parameters.beta - truth.beta).cwiseAbs().maxCoeff(), 1e-2);
+  EXPECT_NEAR(fit.max_distance_m, 0.2 * std::sqrt(3), 1e-4);
 }
 
 }  // namespace

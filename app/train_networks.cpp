@@ -1,0 +1,95 @@
+#include "app/train_networks.h"
+
+#include <fmt/format.h>
+
+#include "app/console.h"
+#include "core/error.h"
+#include "model/train_checkpoint.h"
+
+namespace sole::app {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Seconds of training that an interruption may cost.
+constexpr double kCheckpointSeconds = 20;
+
+model::NetworkTraining RunTraining(const TrainContext& context, const std::string& name,
+                                   const model::NetworkSamples& samples,
+                                   const model::NetworkSamples& validation,
+                                   const model::NetworkTrainingOptions& options) {
+  const fs::path path = context.folder / (name + ".npz");
+  model::NetworkTraining training = fs::exists(path)
+                                        ? model::LoadNetworkTraining(path, context.origin)
+                                        : model::StartNetworkTraining(samples, options);
+  Progress progress(name, options.epochs);
+  Stopwatch since;
+  while (!training.finished) {
+    const bool stopping = context.stop != nullptr && *context.stop;
+    if (stopping || since.Seconds() > kCheckpointSeconds) {
+      model::SaveNetworkTraining(path, training, context.origin);
+      since = {};
+    }
+    context.CheckStop();
+    TrainEpoch(samples, validation, options, training);
+    progress.Set(training.epoch);
+  }
+  model::SaveNetworkTraining(path, training, context.origin);
+  return training;
+}
+
+}  // namespace
+
+std::string NameOf(model::NetworkKind kind) {
+  return kind == model::NetworkKind::kPose        ? "f_theta"
+         : kind == model::NetworkKind::kPoseShape ? "f_theta_beta"
+                                                  : "full";
+}
+
+TrainedNetworks TrainNetworks(const TrainContext& context, const std::string& poses,
+                              const model::FootModel& foot, bool all) {
+  TrainedNetworks result;
+  result.poses = poses;
+  const int rounds = context.config.network_rounds;
+  for (int round = 1; round <= rounds; ++round) {
+    const bool last = round == rounds;
+    const model::NetworkSamples
+        samples = CollectSamples(context, result.poses, context.files.train, foot),
+        validation = CollectSamples(context, result.poses, context.files.validation, foot);
+    Require(samples.Size() > 0 && validation.Size() > 0,
+            "no subject with enough good registrations to train or to validate the network with");
+    for (const model::NetworkKind kind :
+         {model::NetworkKind::kPoseShapeContact, model::NetworkKind::kPose,
+          model::NetworkKind::kPoseShape}) {
+      const bool full = kind == model::NetworkKind::kPoseShapeContact;
+      if (!full && !(last && all)) continue;
+      model::NetworkTrainingOptions options = context.config.training;
+      options.kind = kind;
+      const std::string name = NameOf(kind);
+      const model::NetworkTraining training = RunTraining(
+          context, fmt::format("network_{}_{}", name, round), samples, validation, options);
+      Log(fmt::format("network {}, round {}: {:.3f} mm a coordinate on {} validation frames after "
+                      "{} epochs, {:.3f} mm on {} training frames",
+                      name, round, training.best_mm, validation.Size(), training.epoch,
+                      training.train_mm.back(), samples.Size()));
+      model::FootModel trained = foot;
+      trained.network = TrainedLayers(training);
+      Prepare(trained);
+      result.models[name] = trained;
+      result.curves[name] = {training.train_mm, training.validation_mm, training.best_mm};
+    }
+    if (last) break;
+    const model::FootModel& full = result.models.at("full");
+    const std::string next = fmt::format("poses_network_{}", round);
+    PosesStep(context, next, result.poses, full,
+              [&](const TrainingSubject& subject, const model::PersonalFit* before) {
+                return RefitPoses(full, subject.frames, *before, BetaOf(full, before->rest_m),
+                                  context.config.person);
+              });
+    Log(fmt::format("{}: {:.3f} mm", next, 1e3 * MeanDistance(context, next)));
+    result.poses = next;
+  }
+  return result;
+}
+
+}  // namespace sole::app
