@@ -1,6 +1,7 @@
 #include "app/stages.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <map>
 #include <utility>
@@ -11,6 +12,7 @@
 #include "app/console.h"
 #include "contact/ground.h"
 #include "contact/label.h"
+#include "contact/temporal.h"
 #include "core/error.h"
 #include "io/atomic_file.h"
 #include "io/calibration_file.h"
@@ -58,6 +60,18 @@ std::vector<std::int64_t> TriggerNumbers(const io::TakePaths& take) {
 GroundSurface CalibratedGround(const io::TakePaths& take) {
   const fs::path path = take.root / "calibration.json";
   return fs::exists(path) ? io::ReadCalibration(path).ground.value_or(GroundSurface{}) : GroundSurface{};
+}
+
+/// Mean over the frames that have the value; null without any.
+json MeanInMm(const std::vector<FrameContact>& frames, double FrameContact::*value) {
+  double sum = 0;
+  int count = 0;
+  for (const FrameContact& frame : frames) {
+    if (std::isnan(frame.*value)) continue;
+    sum += frame.*value;
+    ++count;
+  }
+  return count ? json(1e3 * sum / count) : json(nullptr);
 }
 
 /// True if `output` is missing or older than one of the inputs.
@@ -179,13 +193,17 @@ json RunFit(const fs::path& directory, const ModelPair& models) {
   const FitSequence fit = model::FitFrames(models.right, models.left, clouds, triggers, options,
                                            [&](int done, int) { progress.Set(done); });
   contact.contact.clear();
+  std::vector<Eigen::MatrixX3d> registered;
   for (std::size_t f = 0; f < fit.frames.size(); ++f) {
+    registered.push_back(fit.frames[f].registration_m);
     contact.contact.push_back(contact::LabelContact(fit.frames[f].registration_m,
                                                     fit.frames[f].registration_sd_m, contact.ground[f], calibrated));
     if (fit.frames[f].verdict != "good") {
       Log(fmt::format("trigger {}: {}", triggers[f], fit.frames[f].verdict));
     }
   }
+  contact::SmoothLabels(contact.contact);
+  contact::MeasureSlip(registered, contact.contact);
   io::WriteFit(take.Fit(), fit);
   io::WriteContact(take.Contact(), contact);
   const json stats{{"format_version", 1},
@@ -197,6 +215,8 @@ json RunFit(const fs::path& directory, const ModelPair& models) {
           {"found", count_if([](const FrameFit& f) { return f.found; })},
           {"good", count_if([](const FrameFit& f) { return f.verdict == "good"; })},
           {"side", first == fit.frames.end() ? json(nullptr) : json(first->side == Side::kLeft ? "left" : "right")},
+          {"slip_mm", MeanInMm(contact.contact, &FrameContact::slip_m)},
+          {"penetration_mm", MeanInMm(contact.contact, &FrameContact::penetration_m)},
           {"seconds_per_frame", stats["seconds_per_frame"]}};
 }
 

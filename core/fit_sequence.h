@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -10,12 +11,18 @@ namespace sole {
 
 enum class Side { kRight, kLeft };
 
+/// What is known of a vertex's contact.
+enum class ContactState : std::uint8_t { kFree, kContact, kUncertain };
+
 /// Contact of one frame, per template vertex (N). Vertices that were not registered are NaN in gap_m,
 /// 0 in bits.
 struct FrameContact {
-  std::vector<std::uint8_t> contact;  ///< 1 where gap_m < 0.0001
-  Eigen::VectorXd probability;        ///< P(gap < 0.1 mm | sigma)
+  std::vector<std::uint8_t> contact;  ///< 1 where gap_m < 0.0001, doubtful ones as the frames around say
+  Eigen::VectorXd probability;        ///< P(gap < 0.1 mm | sigma), doubtful ones given the frames around
   Eigen::VectorXd gap_m;              ///< signed height above the local glass
+  std::vector<ContactState> state = {};  ///< or empty
+  double slip_m = std::numeric_limits<double>::quiet_NaN();  ///< of touching vertices since the frame before, mean
+  double penetration_m = std::numeric_limits<double>::quiet_NaN();  ///< of touching vertices under the glass, mean
 };
 
 /// Ground surface of one frame: z = offset_m + slope_x * x + slope_y * y in the world frame.

@@ -96,7 +96,8 @@ NpyArray Stack(const std::vector<FrameFit>& frames, const char* name, Index cols
 void AddContact(Npz& npz, const ContactFile& file) {
   const std::size_t frames = file.contact.size();
   const Index n = frames == 0 ? 0 : static_cast<Index>(file.contact[0].contact.size());
-  std::vector<std::uint8_t> bits;
+  std::vector<std::uint8_t> bits, states;
+  std::vector<double> slip, penetration;
   Eigen::MatrixXd probability(static_cast<Index>(frames), n), gap(static_cast<Index>(frames), n);
   for (std::size_t f = 0; f < frames; ++f) {
     const FrameContact& contact = file.contact[f];
@@ -104,12 +105,20 @@ void AddContact(Npz& npz, const ContactFile& file) {
                 contact.gap_m.size() == n,
             "frames differ in their number of contact vertices");
     bits.insert(bits.end(), contact.contact.begin(), contact.contact.end());
+    Require(contact.state.empty() || static_cast<Index>(contact.state.size()) == n,
+            "frames differ in their number of contact vertices");
+    for (const ContactState state : contact.state) states.push_back(static_cast<std::uint8_t>(state));
+    slip.push_back(contact.slip_m);
+    penetration.push_back(contact.penetration_m);
     probability.row(static_cast<Index>(f)) = contact.probability.transpose();
     gap.row(static_cast<Index>(f)) = contact.gap_m.transpose();
   }
   npz["contact"] = Reshaped(NpyFrom(bits), {frames, Size(n)});
   npz["probability"] = NpyFrom(probability);
   npz["gap_m"] = NpyFrom(gap);
+  npz["slip_m"] = NpyFrom(slip);
+  npz["penetration_m"] = NpyFrom(penetration);
+  if (states.size() == bits.size()) npz["state"] = Reshaped(NpyFrom(states), {frames, Size(n)});
 }
 
 Side SideFrom(const std::string& text) {
@@ -166,9 +175,21 @@ ContactFile ReadContact(const fs::path& path) {
     const Eigen::MatrixXd gap = Rows(npz, "gap_m", frames, 2);
     const Eigen::MatrixXd bits = Rows(npz, "contact", frames, 2, gap.cols());
     const Eigen::MatrixXd probability = Rows(npz, "probability", frames, 2, gap.cols());
+    // Files of earlier versions have none of these.
+    const auto optional = [&](const char* name, std::size_t dimensions, Index cols) {
+      return npz.contains(name) ? Rows(npz, name, frames, dimensions, cols) : Eigen::MatrixXd();
+    };
+    const Eigen::MatrixXd state = optional("state", 2, gap.cols());
+    const Eigen::MatrixXd slip = optional("slip_m", 1, -1), penetration = optional("penetration_m", 1, -1);
     for (Index f = 0; f < static_cast<Index>(frames); ++f) {
       FrameContact contact{{}, probability.row(f).transpose(), gap.row(f).transpose()};
       for (Index i = 0; i < gap.cols(); ++i) contact.contact.push_back(bits(f, i) != 0 ? 1 : 0);
+      for (Index i = 0; i < state.cols(); ++i) {
+        Require(state(f, i) <= 2, "array 'state' must hold 0, 1 or 2");
+        contact.state.push_back(static_cast<ContactState>(state(f, i)));
+      }
+      if (slip.size() > 0) contact.slip_m = slip(f);
+      if (penetration.size() > 0) contact.penetration_m = penetration(f);
       file.contact.push_back(std::move(contact));
     }
     return file;

@@ -15,6 +15,7 @@
 #include "app/stages.h"
 #include "app/truth.h"
 #include "contact/label.h"
+#include "contact/temporal.h"
 #include "core/error.h"
 #include "model/fit.h"
 #include "sim/foot.h"
@@ -113,6 +114,10 @@ void Add(const Take& take, const FitSequence& fit, const app::ModelPair& models,
          const std::string& name, bool verbose, Score& score, Reliability& reliability) {
   ++score.takes;
   bool wrong = false;
+  std::vector<FrameContact> contact;
+  for (const FrameFit& frame : fit.frames)
+    contact.push_back(contact::LabelContact(frame.registration_m, frame.registration_sd_m, GroundPlane{}));
+  contact::SmoothLabels(contact);
   for (std::size_t f = 0; f < fit.frames.size(); ++f) {
     const FrameFit& frame = fit.frames[f];
     ++score.frames;
@@ -127,8 +132,7 @@ void Add(const Take& take, const FitSequence& fit, const app::ModelPair& models,
         app::MaterialPositions(model, take.truth[f], take.side);
     double registration = 0, fitted = 0;
     bool touches = false;
-    const FrameContact labels =
-        contact::LabelContact(frame.registration_m, frame.registration_sd_m, GroundPlane{});
+    const FrameContact& labels = contact[f];
     for (std::size_t v = 0; v < places.size(); ++v) {
       const auto row = static_cast<Eigen::Index>(v);
       registration += (frame.registration_m.row(row).transpose() - places[v]).norm();

@@ -149,6 +149,12 @@ TEST(Contact, RoundTripsBeforeAndAfterFitting) {
   file.contact = {{{1, 0, 1}, Eigen::Vector3d(0.9, 0.1, 0.8), Eigen::Vector3d(1e-5, 2e-3, kNan)},
                   {{0, 0, 0}, Eigen::Vector3d::Zero(), Eigen::Vector3d(1, 2, 3)}};
   WriteContact(dir / "c.npz", file);
+  EXPECT_TRUE(ReadContact(dir / "c.npz").contact[0].state.empty());
+  file.contact[0].state = {ContactState::kContact, ContactState::kFree, ContactState::kUncertain};
+  file.contact[1].state.assign(3, ContactState::kFree);
+  file.contact[0].slip_m = 2e-4;
+  file.contact[1].penetration_m = 3e-5;
+  WriteContact(dir / "c.npz", file);
   const ContactFile read = ReadContact(dir / "c.npz");
   EXPECT_EQ(read.triggers, file.triggers);
   EXPECT_EQ(read.ground[0].slope_y, -3e-4);
@@ -161,6 +167,21 @@ TEST(Contact, RoundTripsBeforeAndAfterFitting) {
   EXPECT_EQ(read.contact[0].gap_m[1], 2e-3);
   EXPECT_TRUE(std::isnan(read.contact[0].gap_m[2]));
   EXPECT_EQ(read.contact[1].gap_m, file.contact[1].gap_m);
+  EXPECT_EQ(read.contact[0].state, file.contact[0].state);
+  EXPECT_EQ(read.contact[0].slip_m, 2e-4);
+  EXPECT_TRUE(std::isnan(read.contact[1].slip_m));
+  EXPECT_EQ(read.contact[1].penetration_m, 3e-5);
+}
+
+TEST(Contact, RefusesAnUnknownState) {
+  const TempDir dir;
+  ContactFile file;
+  file.triggers = {5};
+  file.ground = {{}};
+  file.contact = {{{1}, Eigen::VectorXd::Zero(1), Eigen::VectorXd::Zero(1)}};
+  file.contact[0].state = {static_cast<ContactState>(3)};
+  WriteContact(dir / "c.npz", file);
+  EXPECT_THAT(ErrorOf([&] { ReadContact(dir / "c.npz"); }), HasSubstr("c.npz: array 'state' must hold 0, 1 or 2"));
 }
 
 TEST(Contact, RefusesAFitFile) {

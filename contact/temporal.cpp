@@ -1,0 +1,89 @@
+#include "contact/temporal.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include "core/error.h"
+
+namespace sole::contact {
+namespace {
+
+/// Probabilities that one vertex touches in every frame, given all of `observed`.
+std::vector<double> Smoothed(const std::vector<double>& observed, double change) {
+  const std::size_t frames = observed.size();
+  const auto step = [change](double touching) { return touching * (1 - change) + (1 - touching) * change; };
+  const auto both = [](double a, double b) {
+    const double touching = a * b, free = (1 - a) * (1 - b);
+    return touching / (touching + free);
+  };
+  // Never quite 0 or 1: two frames that contradict each other must not leave 0 / 0.
+  const auto at = [&](std::size_t f) { return std::clamp(observed[f], 1e-6, 1 - 1e-6); };
+  std::vector<double> before(frames, 0.5), after(frames, 0.5);
+  for (std::size_t f = 1; f < frames; ++f) before[f] = step(both(before[f - 1], at(f - 1)));
+  for (std::size_t f = frames; f-- > 1;) after[f - 1] = step(both(after[f], at(f)));
+  std::vector<double> result(frames);
+  for (std::size_t f = 0; f < frames; ++f) result[f] = both(both(before[f], at(f)), after[f]);
+  return result;
+}
+
+}  // namespace
+
+void SmoothLabels(std::vector<FrameContact>& frames, const TemporalOptions& options) {
+  if (frames.empty()) return;
+  Require(options.change > 0 && options.change < 0.5 && options.confident > 0.5 && options.sure >= 0.5,
+          "contact: change must lie between 0 and 0.5, confident and sure above 0.5");
+  const Eigen::Index n = frames[0].probability.size();
+  for (FrameContact& frame : frames) {
+    Require(frame.probability.size() == n && frame.gap_m.size() == n,
+            "contact: frames of " + std::to_string(n) + " and of " +
+                std::to_string(frame.probability.size()) + " vertices");
+    frame.state.assign(static_cast<std::size_t>(n), ContactState::kFree);
+  }
+  std::vector<double> observed(frames.size());
+  for (Eigen::Index v = 0; v < n; ++v) {
+    for (std::size_t f = 0; f < frames.size(); ++f) {
+      observed[f] = std::isnan(frames[f].gap_m[v]) ? 0.5 : frames[f].probability[v];
+    }
+    const std::vector<double> smoothed = Smoothed(observed, options.change);
+    for (std::size_t f = 0; f < frames.size(); ++f) {
+      FrameContact& frame = frames[f];
+      const auto i = static_cast<std::size_t>(v);
+      if (std::isnan(frame.gap_m[v])) continue;
+      const bool confident = std::max(observed[f], 1 - observed[f]) >= options.confident;
+      if (!confident) {
+        frame.probability[v] = smoothed[f];
+        frame.contact[i] = smoothed[f] > 0.5;
+      }
+      const double p = frame.probability[v];
+      frame.state[i] = std::max(p, 1 - p) < options.sure ? ContactState::kUncertain
+                       : frame.contact[i]                ? ContactState::kContact
+                                                         : ContactState::kFree;
+    }
+  }
+}
+
+void MeasureSlip(const std::vector<Eigen::MatrixX3d>& vertices_m, std::vector<FrameContact>& frames) {
+  Require(vertices_m.size() == frames.size(), "contact: vertices and labels need one entry per frame");
+  for (std::size_t f = 0; f < frames.size(); ++f) {
+    FrameContact& frame = frames[f];
+    Require(vertices_m[f].rows() == frame.gap_m.size(), "contact: vertices and labels differ in number");
+    double slip = 0, depth = 0;
+    int held = 0, touching = 0;
+    for (Eigen::Index v = 0; v < frame.gap_m.size(); ++v) {
+      const auto i = static_cast<std::size_t>(v);
+      if (!frame.contact[i]) continue;
+      depth += std::max(0.0, -frame.gap_m[v]);
+      ++touching;
+      if (f == 0 || !frames[f - 1].contact[i]) continue;
+      slip += (vertices_m[f].row(v).head<2>() - vertices_m[f - 1].row(v).head<2>()).norm();
+      ++held;
+    }
+    constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+    frame.slip_m = held ? slip / held : kNone;
+    frame.penetration_m = touching ? depth / touching : kNone;
+  }
+}
+
+}  // namespace sole::contact
