@@ -27,17 +27,44 @@ Eigen::MatrixXd Upsample(const FootModel& model, Variant variant, Eigen::MatrixX
   return fine;
 }
 
-/// sum += a b.
-void Add(const Eigen::Ref<const Eigen::MatrixXd>& a, const Eigen::Ref<const Eigen::MatrixXd>& b,
-         Eigen::Ref<Eigen::MatrixXd> sum) {
-  AddProduct<double>({a.rows(), b.cols(), a.cols(), a.data(), a.outerStride(), b.data(),
-                      b.outerStride(), sum.data(), sum.outerStride()});
+NetworkFactors Upsample(const FootModel& model, Variant variant, NetworkFactors factors) {
+  factors.value = Upsample(model, variant, std::move(factors.value));
+  factors.outer = Upsample(model, variant, std::move(factors.outer));
+  return factors;
 }
 
-Eigen::MatrixXd Product(const Eigen::Ref<const Eigen::MatrixXd>& a,
-                        const Eigen::Ref<const Eigen::MatrixXd>& b) {
-  Eigen::MatrixXd product = Eigen::MatrixXd::Zero(a.rows(), b.cols());
+/// A layer's weights, in single precision too where that is exact (null where not).
+struct Weights {
+  const Eigen::MatrixXd& full;
+  const float* single;
+};
+
+Weights WeightsOf(std::span<const NetworkLayer> layers, std::span<const Eigen::MatrixXf> single,
+                  std::size_t l) {
+  return {layers[l].weight, l < single.size() ? single[l].data() : nullptr};
+}
+
+/// sum += a b.
+void Add(const Weights& a, const Eigen::Ref<const Eigen::MatrixXd>& b,
+         Eigen::Ref<Eigen::MatrixXd> sum) {
+  AddProduct<double>({a.full.rows(), b.cols(), a.full.cols(), a.full.data(), a.full.rows(),
+                      b.data(), b.outerStride(), sum.data(), sum.outerStride(), a.single});
+}
+
+Eigen::MatrixXd Product(const Weights& a, const Eigen::Ref<const Eigen::MatrixXd>& b) {
+  Eigen::MatrixXd product = Eigen::MatrixXd::Zero(a.full.rows(), b.cols());
   Add(a, b, product);
+  return product;
+}
+
+/// a times `count` columns of b.
+Eigen::MatrixXd Product(const Eigen::MatrixXd& a, const Weights& b, Eigen::Index first,
+                        Eigen::Index count) {
+  Eigen::MatrixXd product = Eigen::MatrixXd::Zero(a.rows(), count);
+  const Eigen::Index skipped = first * b.full.rows();
+  AddProduct<double>({a.rows(), count, a.cols(), a.data(), a.rows(), b.full.data() + skipped,
+                      b.full.rows(), product.data(), product.rows(), nullptr,
+                      b.single != nullptr ? b.single + skipped : nullptr});
   return product;
 }
 
@@ -84,12 +111,12 @@ Eigen::VectorXd NetworkInput(const Eigen::MatrixX3d& theta, const Eigen::VectorX
   return input;
 }
 
-Eigen::VectorXd EvaluateNetwork(std::span<const NetworkLayer> layers,
-                                const Eigen::VectorXd& input) {
+Eigen::VectorXd EvaluateNetwork(std::span<const NetworkLayer> layers, const Eigen::VectorXd& input,
+                                std::span<const Eigen::MatrixXf> single) {
   Eigen::VectorXd value = input.head(layers.front().weight.cols());
   for (std::size_t l = 0; l < layers.size(); ++l) {
     Eigen::VectorXd next = layers[l].bias;
-    Add(layers[l].weight, value, next);
+    Add(WeightsOf(layers, single, l), value, next);
     if (l + 1 < layers.size()) next = next.cwiseMax(kNetworkSlope * next);
     value.swap(next);
   }
@@ -98,31 +125,35 @@ Eigen::VectorXd EvaluateNetwork(std::span<const NetworkLayer> layers,
 
 NetworkFactors DifferentiateNetwork(std::span<const NetworkLayer> layers,
                                     const Eigen::VectorXd& input, Eigen::Index first_input,
-                                    Eigen::Index num_inputs) {
+                                    Eigen::Index num_inputs,
+                                    std::span<const Eigen::MatrixXf> single) {
   const std::size_t last = layers.size() - 1;
-  if (last == 0) {
-    return {layers[0].weight.middleCols(first_input, num_inputs),
-            Eigen::MatrixXd::Identity(num_inputs, num_inputs)};
-  }
+  const auto weights = [&](std::size_t l) { return WeightsOf(layers, single, l); };
   std::vector<Eigen::VectorXd> slopes;
   Eigen::VectorXd value = input.head(layers.front().weight.cols());
   std::size_t narrowest = 0;
-  for (std::size_t l = 0; l < last; ++l) {
+  for (std::size_t l = 0; l <= last; ++l) {
     Eigen::VectorXd next = layers[l].bias;
-    Add(layers[l].weight, value, next);
-    slopes.push_back(Activate(next));
+    Add(weights(l), value, next);
+    if (l < last) slopes.push_back(Activate(next));
     value.swap(next);
-    if (value.size() < layers[narrowest].bias.size()) narrowest = l;
+    if (l < last && value.size() < layers[narrowest].bias.size()) narrowest = l;
   }
   NetworkFactors factors;
+  factors.value = std::move(value);
+  if (last == 0) {
+    factors.outer = layers[0].weight.middleCols(first_input, num_inputs);
+    factors.inner = Eigen::MatrixXd::Identity(num_inputs, num_inputs);
+    return factors;
+  }
   factors.outer = layers[narrowest + 1].weight;
   for (std::size_t l = narrowest + 2; l <= last; ++l)
-    factors.outer = Product(layers[l].weight, slopes[l - 1].asDiagonal() * factors.outer);
+    factors.outer = Product(weights(l), slopes[l - 1].asDiagonal() * factors.outer);
   factors.inner = slopes[narrowest].asDiagonal() * layers[narrowest].weight;
   for (std::size_t l = narrowest; l-- > 0;) {
     const Eigen::MatrixXd scaled = factors.inner * slopes[l].asDiagonal();
-    factors.inner = l > 0 ? Product(scaled, layers[l].weight)
-                          : Product(scaled, layers[0].weight.middleCols(first_input, num_inputs));
+    factors.inner = l > 0 ? Product(scaled, weights(l), 0, layers[l].weight.cols())
+                          : Product(scaled, weights(0), first_input, num_inputs);
   }
   if (narrowest == 0) factors.inner = factors.inner.middleCols(first_input, num_inputs).eval();
   return factors;
@@ -133,7 +164,7 @@ Eigen::VectorXd ContactOffsets(const FootModel& model, Variant variant,
                                const Eigen::VectorXd& contact) {
   if (model.network.empty()) return {};
   const Eigen::VectorXd input = NetworkInput(theta, beta, contact, model.NumVertices());
-  return Upsample(model, variant, EvaluateNetwork(model.network, input));
+  return Upsample(model, variant, EvaluateNetwork(model.network, input, model.derived.network_single));
 }
 
 NetworkFactors ContactOffsetsByPose(const FootModel& model, Variant variant,
@@ -144,7 +175,8 @@ NetworkFactors ContactOffsetsByPose(const FootModel& model, Variant variant,
   const Eigen::VectorXd input = NetworkInput(theta, beta, contact, model.NumVertices());
   const Eigen::Index given =
       std::min(model.network.front().weight.cols(), 4 * joints + kNetworkBetas);
-  NetworkFactors factors = DifferentiateNetwork(model.network, input, 0, given);
+  NetworkFactors factors =
+      DifferentiateNetwork(model.network, input, 0, given, model.derived.network_single);
   Eigen::MatrixXd inner(factors.inner.rows(), 3 * joints + betas);
   for (Eigen::Index j = 0; j < joints; ++j) {
     inner.middleCols<3>(3 * j).noalias() =
@@ -155,7 +187,8 @@ NetworkFactors ContactOffsetsByPose(const FootModel& model, Variant variant,
   } else {
     inner.rightCols(betas).setZero();
   }
-  return {Upsample(model, variant, std::move(factors.outer)), std::move(inner)};
+  factors.inner = std::move(inner);
+  return Upsample(model, variant, std::move(factors));
 }
 
 NetworkFactors ContactOffsetsByContact(const FootModel& model, Variant variant,
@@ -165,11 +198,15 @@ NetworkFactors ContactOffsetsByContact(const FootModel& model, Variant variant,
   const Eigen::VectorXd input = NetworkInput(theta, beta, contact, model.NumVertices());
   const Eigen::Index first = 4 * theta.rows() + kNetworkBetas, contacts = model.NumVertices();
   if (model.network.front().weight.cols() <= first) {
-    return {Eigen::MatrixXd::Zero(3 * SurfaceOf(model, variant).NumVertices(), 1),
-            Eigen::MatrixXd::Zero(1, contacts)};
+    NetworkFactors none;
+    none.value = ContactOffsets(model, variant, theta, beta, contact);
+    none.outer = Eigen::MatrixXd::Zero(none.value.size(), 1);
+    none.inner = Eigen::MatrixXd::Zero(1, contacts);
+    return none;
   }
-  NetworkFactors factors = DifferentiateNetwork(model.network, input, first, contacts);
-  return {Upsample(model, variant, std::move(factors.outer)), std::move(factors.inner)};
+  NetworkFactors factors = DifferentiateNetwork(model.network, input, first, contacts,
+                                                model.derived.network_single);
+  return Upsample(model, variant, std::move(factors));
 }
 
 }  // namespace sole::model

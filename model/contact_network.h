@@ -27,18 +27,22 @@ Eigen::VectorXd NetworkInput(const Eigen::MatrixX3d& theta, const Eigen::VectorX
                              const Eigen::VectorXd& contact, Eigen::Index num_vertices);
 
 /// Network value (3N, metres): leaky ReLU after every layer but the last, which is linear. Of
-/// `input` the first values count, as many as the network takes.
-Eigen::VectorXd EvaluateNetwork(std::span<const NetworkLayer> layers, const Eigen::VectorXd& input);
+/// `input` the first values count, as many as the network takes. `single` as in DerivedModelData:
+/// layers' weights to be read in single precision, or nothing.
+Eigen::VectorXd EvaluateNetwork(std::span<const NetworkLayer> layers, const Eigen::VectorXd& input,
+                                std::span<const Eigen::MatrixXf> single = {});
 
-/// Derivative of the value in some of the inputs as a product, split at the narrowest layer: few
-/// multiplications, since the network's width there is small.
+/// The value, and its derivative in some of the inputs as a product, split at the narrowest layer:
+/// few multiplications, since the network's width there is small.
 struct NetworkFactors {
+  Eigen::VectorXd value;  ///< 3N
   Eigen::MatrixXd outer;  ///< 3N x width of the narrowest layer
   Eigen::MatrixXd inner;  ///< that width x inputs asked for
 };
 NetworkFactors DifferentiateNetwork(std::span<const NetworkLayer> layers,
                                     const Eigen::VectorXd& input, Eigen::Index first_input,
-                                    Eigen::Index num_inputs);
+                                    Eigen::Index num_inputs,
+                                    std::span<const Eigen::MatrixXf> single = {});
 
 /// Contact-conditioned offsets B_C of a variant, stacked (3N or 3 N_fine); the fine ones through
 /// `upsampling`. Empty where the model has no network.
@@ -46,7 +50,8 @@ Eigen::VectorXd ContactOffsets(const FootModel& model, Variant variant,
                                const Eigen::MatrixX3d& theta, const Eigen::VectorXd& beta,
                                const Eigen::VectorXd& contact);
 
-/// Their derivative; no columns where the model has no network. `outer` has the variant's rows.
+/// They and their derivative; no columns where the model has no network. `value` and `outer` have
+/// the variant's rows.
 /// In the pose: columns theta (3K), then the first min(B, 2) shape coefficients.
 NetworkFactors ContactOffsetsByPose(const FootModel& model, Variant variant,
                                     const Eigen::MatrixX3d& theta, const Eigen::VectorXd& beta,

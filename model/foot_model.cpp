@@ -183,6 +183,13 @@ std::vector<unsigned char> CorrectedJoints(const ModelSurface& surface, Family f
   return corrected;
 }
 
+/// In single precision; empty where a value changes by that.
+Eigen::MatrixXf SingleIfExact(const Eigen::MatrixXd& values) {
+  Eigen::MatrixXf single = values.cast<float>();
+  if (single.cast<double>() != values) single.resize(0, 0);
+  return single;
+}
+
 /// Joints (stacked, 3K) of stacked vertex coordinates (3N x M); `offset` = 1 for positions, 0 for
 /// differences.
 Eigen::MatrixXd RegressJoints(const FootModel& model, const Eigen::MatrixXd& stacked,
@@ -222,6 +229,13 @@ void Prepare(FootModel& model) {
   model.derived.fine = InfluencesFrom(model.fine.weights);
   model.derived.coarse_corrected = CorrectedJoints(model.coarse, model.family, k);
   model.derived.fine_corrected = CorrectedJoints(model.fine, model.family, k);
+  model.derived.coarse_single = {SingleIfExact(model.coarse.shapedirs),
+                                 SingleIfExact(model.coarse.posedirs)};
+  model.derived.fine_single = {SingleIfExact(model.fine.shapedirs),
+                               SingleIfExact(model.fine.posedirs)};
+  model.derived.network_single.clear();
+  for (const NetworkLayer& layer : model.network)
+    model.derived.network_single.push_back(SingleIfExact(layer.weight));
 }
 
 const ModelSurface& SurfaceOf(const FootModel& model, Variant variant) {
@@ -232,6 +246,10 @@ const ModelSurface& SurfaceOf(const FootModel& model, Variant variant) {
 
 const DerivedModelData::Influences& InfluencesOf(const FootModel& model, Variant variant) {
   return variant == Variant::kCoarse ? model.derived.coarse : model.derived.fine;
+}
+
+const DerivedModelData::SingleSurface& SingleSurfaceOf(const FootModel& model, Variant variant) {
+  return variant == Variant::kCoarse ? model.derived.coarse_single : model.derived.fine_single;
 }
 
 TriangleMesh TemplateMesh(const FootModel& model, Variant variant) {

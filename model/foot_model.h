@@ -68,6 +68,13 @@ struct DerivedModelData {
   Influences coarse, fine;
   /// Whether joint j's pose features correct vertex i (element i K + j).
   std::vector<unsigned char> coarse_corrected, fine_corrected;
+  /// The same values in single precision, read in place of the double ones where that loses
+  /// nothing, as in models read from files that store them so; empty where it would.
+  struct SingleSurface {
+    Eigen::MatrixXf shapedirs, posedirs;
+  };
+  SingleSurface coarse_single, fine_single;
+  std::vector<Eigen::MatrixXf> network_single;  ///< weights, one a layer
 };
 
 /// Articulated model of one foot (SUPR / STAR / SMPL family); plain data. The coarse surface
@@ -114,6 +121,7 @@ enum class Variant { kCoarse, kFine };
 
 const ModelSurface& SurfaceOf(const FootModel& model, Variant variant);
 const DerivedModelData::Influences& InfluencesOf(const FootModel& model, Variant variant);
+const DerivedModelData::SingleSurface& SingleSurfaceOf(const FootModel& model, Variant variant);
 
 /// Template of a variant as a mesh.
 TriangleMesh TemplateMesh(const FootModel& model, Variant variant);

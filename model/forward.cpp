@@ -11,6 +11,17 @@
 #include "model/skeleton.h"
 
 namespace sole::model {
+namespace {
+
+Eigen::Matrix3Xd CheckedRestVertices(const FootModel& model, const ModelParameters& parameters,
+                                     Variant variant) {
+  CheckParameters(model, parameters);
+  return StackedRestVertices(model, parameters, variant,
+                             ContactOffsets(model, variant, parameters.theta, parameters.beta,
+                                            parameters.contact));
+}
+
+}  // namespace
 
 ModelParameters RestParameters(const FootModel& model) {
   ModelParameters parameters;
@@ -35,27 +46,28 @@ void CheckParameters(const FootModel& model, const ModelParameters& parameters) 
 }
 
 Eigen::Matrix3Xd StackedRestVertices(const FootModel& model, const ModelParameters& parameters,
-                                     Variant variant) {
-  CheckParameters(model, parameters);
+                                     Variant variant, const Eigen::VectorXd& contact_offsets) {
   const ModelSurface& surface = SurfaceOf(model, variant);
   Eigen::Matrix3Xd positions = surface.template_m.transpose();
-  const auto add = [&positions](const Eigen::MatrixXd& directions, const Eigen::VectorXd& values) {
+  const auto add = [&positions](const Eigen::MatrixXd& directions, const Eigen::MatrixXf& single,
+                                const Eigen::VectorXd& values) {
     AddProduct<double>({directions.rows(), 1, values.size(), directions.data(), directions.rows(),
-                        values.data(), values.size(), positions.data(), directions.rows()});
+                        values.data(), values.size(), positions.data(), directions.rows(),
+                        single.data()});
   };
-  add(surface.shapedirs, parameters.beta);
+  const DerivedModelData::SingleSurface& single = SingleSurfaceOf(model, variant);
+  add(surface.shapedirs, single.shapedirs, parameters.beta);
   if (surface.posedirs.cols() > 0)
-    add(surface.posedirs, ConstrainedPoseFeatures(model, parameters.theta, parameters.beta));
-  const Eigen::VectorXd offsets = ContactOffsets(model, variant, parameters.theta, parameters.beta,
-                                                 parameters.contact);
-  if (offsets.size() > 0)
-    Eigen::Map<Eigen::VectorXd>(positions.data(), positions.size()) += offsets;
+    add(surface.posedirs, single.posedirs,
+        ConstrainedPoseFeatures(model, parameters.theta, parameters.beta));
+  if (contact_offsets.size() > 0)
+    Eigen::Map<Eigen::VectorXd>(positions.data(), positions.size()) += contact_offsets;
   return positions;
 }
 
 Eigen::MatrixX3d RestVertices(const FootModel& model, const ModelParameters& parameters,
                               Variant variant) {
-  return StackedRestVertices(model, parameters, variant).transpose();
+  return CheckedRestVertices(model, parameters, variant).transpose();
 }
 
 Eigen::MatrixX3d RestJoints(const FootModel& model, const Eigen::VectorXd& beta) {
@@ -63,7 +75,7 @@ Eigen::MatrixX3d RestJoints(const FootModel& model, const Eigen::VectorXd& beta)
 }
 
 PosedFoot Forward(const FootModel& model, const ModelParameters& parameters, Variant variant) {
-  Eigen::Matrix3Xd positions = StackedRestVertices(model, parameters, variant);
+  Eigen::Matrix3Xd positions = CheckedRestVertices(model, parameters, variant);
   const Skeleton skeleton = PoseSkeleton(model, parameters.theta, parameters.beta);
   const Eigen::MatrixXd transforms = BoneTransforms(skeleton);
   const DerivedModelData::Influences& influences = InfluencesOf(model, variant);

@@ -33,9 +33,9 @@ PosedFoot Forward(const FootModel& model, const ModelParameters& parameters,
 Eigen::MatrixX3d RestVertices(const FootModel& model, const ModelParameters& parameters,
                               Variant variant = Variant::kCoarse);
 
-/// The same with one column a vertex, 3 x N.
+/// The same with one column a vertex, 3 x N, and with B_C as given: 3N values or none.
 Eigen::Matrix3Xd StackedRestVertices(const FootModel& model, const ModelParameters& parameters,
-                                     Variant variant);
+                                     Variant variant, const Eigen::VectorXd& contact_offsets);
 
 /// Joints of the shaped, unposed template, K x 3.
 Eigen::MatrixX3d RestJoints(const FootModel& model, const Eigen::VectorXd& beta);

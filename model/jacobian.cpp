@@ -62,9 +62,9 @@ class VertexDifferentiator {
  public:
   VertexDifferentiator(const FootModel& model, const ModelParameters& parameters, Variant variant)
       : translation_m_(parameters.translation_m),
-        rest_(StackedRestVertices(model, parameters, variant)),
         network_(ContactOffsetsByPose(model, variant, parameters.theta, parameters.beta,
-                                      parameters.contact)) {
+                                      parameters.contact)),
+        rest_(StackedRestVertices(model, parameters, variant, network_.value)) {
     const PoseDerivative pose = DifferentiatePose(model, parameters);
     const ModelSurface& surface = SurfaceOf(model, variant);
     const DerivedModelData::Influences& influences = InfluencesOf(model, variant);
@@ -84,6 +84,11 @@ class VertexDifferentiator {
                                                       : model.derived.fine_corrected)
                              .data();
     }
+    const DerivedModelData::SingleSurface& single = SingleSurfaceOf(model, variant);
+    terms_.shapedirs_single = single.shapedirs.data();
+    terms_.posedirs_single = single.posedirs.data();
+    terms_.single = single.shapedirs.size() == surface.shapedirs.size() &&
+                    single.posedirs.size() == surface.posedirs.size();
     terms_.first_feature_joint = model.family == Family::kSupr ? 0 : 1;
     const bool by_beta = model.family == Family::kStar && surface.posedirs.cols() > 0;
     terms_.beta_feature = by_beta ? surface.posedirs.cols() - 1 : -1;
@@ -92,11 +97,11 @@ class VertexDifferentiator {
   VertexDifferentiator(const VertexDifferentiator&) = delete;
   VertexDifferentiator& operator=(const VertexDifferentiator&) = delete;
 
-  /// Position of vertex i; its derivative goes to rows `row` .. `row` + 2 of `jacobian`.
-  Eigen::Vector3d Write(Eigen::Index i, Eigen::Index row, RowMatrix& jacobian) {
-    Eigen::Vector3d position;
-    DifferentiateVertex(terms_, i, jacobian.row(row).data(), position.data());
-    return position;
+  /// Of `count` vertices from `first`: positions to points, 3 rows each to `jacobian`, both from
+  /// place `to` on.
+  void Write(Eigen::Index first, Eigen::Index count, Eigen::Index to, Eigen::Matrix3Xd& points,
+             RowMatrix& jacobian) {
+    DifferentiateVertices(terms_, first, count, jacobian.row(3 * to).data(), points.col(to).data());
   }
 
  private:
@@ -122,7 +127,7 @@ class VertexDifferentiator {
 
   void Connect() {
     moments_.resize(4 * terms_.joints);
-    turned_.resize(4 * network_.outer.cols());
+    block_.resize(3 * kVertexBlock * (3 * terms_.joints + terms_.betas));
     columns_.resize(4 * (3 * terms_.joints + terms_.betas + 3) + 16);
     terms_.transforms = transforms_.data();
     terms_.translation = translation_m_.data();
@@ -136,15 +141,15 @@ class VertexDifferentiator {
     terms_.network_outer = network_.outer.data();
     terms_.network_inner = network_.inner.data();
     terms_.moments = moments_.data();
-    terms_.turned = turned_.data();
+    terms_.block = block_.data();
     terms_.columns = columns_.data();
   }
 
   Eigen::Vector3d translation_m_;
-  Eigen::Matrix3Xd rest_;
   NetworkFactors network_;
+  Eigen::Matrix3Xd rest_;
   Eigen::MatrixXd transforms_, centres_, turns_, offset_by_beta_, feature_derivative_;
-  Eigen::VectorXd moments_, turned_, columns_;
+  Eigen::VectorXd moments_, block_, columns_;
   VertexDerivativeTerms terms_{};
 };
 
@@ -198,12 +203,19 @@ PointsJacobian VertexJacobian(const FootModel& model, const ModelParameters& par
   PointsJacobian result;
   result.points_m.resize(count, 3);
   result.jacobian.resize(3 * count, ColumnsOf(model, parameters).count);
-  for (Eigen::Index m = 0; m < count; ++m) {
-    const int vertex = vertices[static_cast<std::size_t>(m)];
+  for (const int vertex : vertices) {
     if (vertex < 0 || vertex >= SurfaceOf(model, variant).NumVertices())
       throw Error(fmt::format("foot model: no vertex {}", vertex));
-    result.points_m.row(m) = differentiator.Write(vertex, 3 * m, result.jacobian);
   }
+  Eigen::Matrix3Xd points(3, count);
+  for (std::size_t m = 0; m < vertices.size();) {
+    std::size_t end = m + 1;
+    while (end < vertices.size() && vertices[end] == vertices[end - 1] + 1) ++end;
+    differentiator.Write(vertices[m], static_cast<Eigen::Index>(end - m),
+                         static_cast<Eigen::Index>(m), points, result.jacobian);
+    m = end;
+  }
+  result.points_m = points.transpose();
   return result;
 }
 
@@ -211,9 +223,14 @@ void VisitSurfacePoints(const FootModel& model, const ModelParameters& parameter
                         std::span<const SurfacePoint> points, const PointVisitor& visit) {
   CheckParameters(model, parameters);
   const ModelSurface& surface = SurfaceOf(model, variant);
+  const Eigen::Index vertices = surface.NumVertices();
+  // Blocks of vertices are computed when the first of them is asked for: a vertex is a corner of
+  // many points.
+  std::vector<bool> known(static_cast<std::size_t>(vertices / kVertexBlock + 1), false);
   VertexDifferentiator differentiator(model, parameters, variant);
   const Eigen::Index columns = ColumnsOf(model, parameters).count;
-  RowMatrix corner_rows(3, columns), rows(3, columns);
+  Eigen::Matrix3Xd corners(3, vertices);
+  RowMatrix corner_rows(3 * vertices, columns), rows(3, columns);
   for (std::size_t m = 0; m < points.size(); ++m) {
     const SurfacePoint& point = points[m];
     if (point.triangle < 0 || point.triangle >= surface.triangles.rows())
@@ -221,10 +238,15 @@ void VisitSurfacePoints(const FootModel& model, const ModelParameters& parameter
     Eigen::Vector3d position = Eigen::Vector3d::Zero();
     rows.setZero();
     for (int corner = 0; corner < 3; ++corner) {
-      const double share = point.barycentric[corner];
-      position += share * differentiator.Write(surface.triangles(point.triangle, corner), 0,
-                                               corner_rows);
-      rows += share * corner_rows;
+      const Eigen::Index i = surface.triangles(point.triangle, corner), block = i / kVertexBlock;
+      if (!known[static_cast<std::size_t>(block)]) {
+        known[static_cast<std::size_t>(block)] = true;
+        const Eigen::Index first = block * kVertexBlock;
+        differentiator.Write(first, std::min(kVertexBlock, vertices - first), first, corners,
+                             corner_rows);
+      }
+      position += point.barycentric[corner] * corners.col(i);
+      rows += point.barycentric[corner] * corner_rows.middleRows<3>(3 * i);
     }
     visit(static_cast<Eigen::Index>(m), position, rows);
   }

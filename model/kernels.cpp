@@ -1,3 +1,7 @@
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
+
 #include <algorithm>
 #include <cstring>
 #include <vector>
@@ -35,7 +39,9 @@ namespace avx2 {
 }  // namespace avx2
 namespace avx512 {
 #define SOLE_TARGET [[gnu::target("avx512f,avx512vl,avx512dq,avx2,fma,prefer-vector-width=512")]]
+#define SOLE_WIDEN_EIGHT _mm512_cvtps_pd
 #include "model/kernels_body_internal.h"
+#undef SOLE_WIDEN_EIGHT
 #undef SOLE_TARGET
 }  // namespace avx512
 
@@ -60,18 +66,17 @@ Level ThisProcessor() { return Level::kBaseline; }
 
 template <class Scalar>
 void AddProduct(const ProductTerms<Scalar>& terms) {
-  thread_local std::vector<Scalar> packed;
-  if (terms.columns > 1) {
-    constexpr std::size_t kLargestHeight = 128 / sizeof(Scalar);
-    packed.resize(std::max(packed.size(), kLargestHeight * static_cast<std::size_t>(terms.inner)));
-  }
+  thread_local std::vector<Scalar> workspace;
+  constexpr std::size_t kLargestHeight = 128 / sizeof(Scalar), kMostColumns = 8;
+  workspace.resize(std::max(
+      workspace.size(), (kLargestHeight + kMostColumns) * static_cast<std::size_t>(terms.inner)));
   switch (ThisProcessor()) {
     case Level::kAvx512:
-      return avx512::ProductBody<Scalar, 64, 8>(terms, packed.data());
+      return avx512::ProductBody<Scalar, 64, 8>(terms, workspace.data());
     case Level::kAvx2:
-      return avx2::ProductBody<Scalar, 32, 4>(terms, packed.data());
+      return avx2::ProductBody<Scalar, 32, 4>(terms, workspace.data());
     case Level::kBaseline:
-      return baseline::ProductBody<Scalar, 16, 4>(terms, packed.data());
+      return baseline::ProductBody<Scalar, 16, 4>(terms, workspace.data());
   }
 }
 template void AddProduct(const ProductTerms<double>& terms);
@@ -91,15 +96,15 @@ void Skin(const SkinTerms<Scalar>& terms) {
 template void Skin(const SkinTerms<double>& terms);
 template void Skin(const SkinTerms<float>& terms);
 
-void DifferentiateVertex(const VertexDerivativeTerms& terms, std::ptrdiff_t i, double* jacobian,
-                         double* position) {
+void DifferentiateVertices(const VertexDerivativeTerms& terms, std::ptrdiff_t first,
+                           std::ptrdiff_t count, double* jacobian, double* positions) {
   switch (ThisProcessor()) {
     case Level::kAvx512:
-      return avx512::DifferentiateBody(terms, i, jacobian, position);
+      return avx512::DifferentiateBody<64>(terms, first, count, jacobian, positions);
     case Level::kAvx2:
-      return avx2::DifferentiateBody(terms, i, jacobian, position);
+      return avx2::DifferentiateBody<32>(terms, first, count, jacobian, positions);
     case Level::kBaseline:
-      return baseline::DifferentiateBody(terms, i, jacobian, position);
+      return baseline::DifferentiateBody<32>(terms, first, count, jacobian, positions);
   }
 }
 

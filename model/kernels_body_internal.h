@@ -1,5 +1,6 @@
 // No include guard: kernels.cpp includes this once for every instruction set, in a namespace of its
-// own, with SOLE_TARGET naming the instructions. (Inlining common functions into others of a wider
+// own, with SOLE_TARGET naming the instructions, and SOLE_WIDEN_EIGHT the one from eight floats to
+// doubles, for which the compiler by itself takes six. (Inlining common functions into others of a wider
 // target would not do: the compiler splits vectors before it inlines.)
 
 #define SOLE_KERNEL SOLE_TARGET [[gnu::always_inline]]
@@ -15,19 +16,37 @@ SOLE_KERNEL inline void Store(const Vector& v, Scalar* to) {
   __builtin_memcpy(to, &v, sizeof(Vector));
 }
 
+/// Single precision into a vector of doubles.
+template <class Vector>
+SOLE_KERNEL inline void Load(Vector& v, const float* from)
+  requires(sizeof(v[0]) == sizeof(double))
+{
+  typename VectorOf<float, sizeof(Vector) / 2>::Type single;
+  __builtin_memcpy(&single, from, sizeof(single));
+#ifdef SOLE_WIDEN_EIGHT
+  if constexpr (sizeof(Vector) == 64) {
+    v = SOLE_WIDEN_EIGHT(single);
+    return;
+  }
+#endif
+  v = __builtin_convertvector(single, Vector);
+}
+
 /// c += a b for one column: up to eight columns of `a` at a time, those times zero left out.
-template <class Scalar, int kBytes>
-SOLE_KERNEL inline void AddColumn(const ProductTerms<Scalar>& t, const Scalar* b, Scalar* c) {
+template <class Scalar, int kBytes, class Given>
+SOLE_KERNEL inline void AddColumn(const ProductTerms<Scalar>& t, const Given* columns) {
   using Vector = typename VectorOf<Scalar, kBytes>::Type;
   constexpr Index kWidth = kBytes / static_cast<Index>(sizeof(Scalar));
+  const Scalar* b = t.b;
+  Scalar* c = t.c;
   Index next = 0;
   while (next < t.inner) {
-    const Scalar* a[8];
+    const Given* a[8];
     Scalar x[8];
     int used = 0;
     for (; next < t.inner && used < 8; ++next) {
       if (b[next] == 0) continue;
-      a[used] = t.a + next * t.a_stride;
+      a[used] = columns + next * t.a_stride;
       x[used++] = b[next];
     }
     Index r = 0;
@@ -70,7 +89,7 @@ SOLE_KERNEL inline void AddColumn(const ProductTerms<Scalar>& t, const Scalar* b
 /// Two vectors of rows times `kColumns` columns; `a` packed, `height` rows of it real.
 template <class Scalar, int kBytes, int kColumns>
 SOLE_KERNEL inline void AddTile(const ProductTerms<Scalar>& t, const Scalar* a, const Scalar* b,
-                                Scalar* c, Index height) {
+                                Index b_stride, Scalar* c, Index height) {
   using Vector = typename VectorOf<Scalar, kBytes>::Type;
   constexpr Index kWidth = kBytes / static_cast<Index>(sizeof(Scalar));
   Vector sums[2][kColumns];
@@ -81,7 +100,7 @@ SOLE_KERNEL inline void AddTile(const ProductTerms<Scalar>& t, const Scalar* a, 
     Load(high, a + 2 * kWidth * k + kWidth);
 #pragma GCC unroll 8
     for (int j = 0; j < kColumns; ++j) {
-      const Scalar x = b[j * t.b_stride + k];
+      const Scalar x = b[j * b_stride + k];
       sums[0][j] += low * x;
       sums[1][j] += high * x;
     }
@@ -106,25 +125,78 @@ SOLE_KERNEL inline void AddTile(const ProductTerms<Scalar>& t, const Scalar* a, 
   }
 }
 
-template <class Scalar, int kBytes, int kColumns>
-SOLE_ENTRY void ProductBody(const ProductTerms<Scalar>& t, Scalar* packed) {
-  if (t.columns == 1) {
-    AddColumn<Scalar, kBytes>(t, t.b, t.c);
+/// `height` values of each column of `a`, those missing zero; converted where they are given in
+/// single precision.
+template <class Scalar, int kBytes, class Given>
+SOLE_KERNEL inline void Pack(const ProductTerms<Scalar>& t, const Given* from, Index height,
+                             Scalar* packed) {
+  using Vector = typename VectorOf<Scalar, kBytes>::Type;
+  constexpr Index kWidth = kBytes / static_cast<Index>(sizeof(Scalar));
+  if (height == 2 * kWidth) {
+    for (Index k = 0; k < t.inner; ++k, from += t.a_stride, packed += height) {
+      Vector low, high;
+      Load(low, from);
+      Load(high, from + kWidth);
+      Store(low, packed);
+      Store(high, packed + kWidth);
+    }
     return;
   }
+  for (Index k = 0; k < t.inner; ++k, from += t.a_stride, packed += 2 * kWidth) {
+    for (Index i = 0; i < height; ++i) packed[i] = from[i];
+    for (Index i = height; i < 2 * kWidth; ++i) packed[i] = 0;
+  }
+}
+
+template <class Scalar, int kBytes>
+SOLE_KERNEL inline void Convert(const float* from, Index count, Scalar* to) {
+  using Vector = typename VectorOf<Scalar, kBytes>::Type;
+  constexpr Index kWidth = kBytes / static_cast<Index>(sizeof(Scalar));
+  Index i = 0;
+  for (; i + kWidth <= count; i += kWidth) {
+    Vector v;
+    Load(v, from + i);
+    Store(v, to + i);
+  }
+  for (; i < count; ++i) to[i] = from[i];
+}
+
+/// The tiles of some rows, `kColumns` columns at a time, then fewer; `converted` is workspace.
+template <class Scalar, int kBytes, int kColumns>
+SOLE_KERNEL inline void AddTiles(const ProductTerms<Scalar>& t, const Scalar* a, Index height,
+                                 Scalar* c, Index j, Scalar* converted) {
+  for (; j + kColumns <= t.columns; j += kColumns) {
+    const Scalar* b = t.b + j * t.b_stride;
+    Index b_stride = t.b_stride;
+    if (t.b_single != nullptr) {
+      for (int column = 0; column < kColumns; ++column)
+        Convert<Scalar, kBytes>(t.b_single + (j + column) * t.b_stride, t.inner,
+                                converted + column * t.inner);
+      b = converted;
+      b_stride = t.inner;
+    }
+    AddTile<Scalar, kBytes, kColumns>(t, a, b, b_stride, c + j * t.c_stride, height);
+  }
+  if constexpr (kColumns > 1) AddTiles<Scalar, kBytes, kColumns / 2>(t, a, height, c, j, converted);
+}
+
+template <class Scalar, int kBytes, int kColumns>
+SOLE_ENTRY void ProductBody(const ProductTerms<Scalar>& t, Scalar* workspace) {
+  if (t.columns == 1 && t.b_single == nullptr) {
+    if (t.a_single != nullptr) return AddColumn<Scalar, kBytes>(t, t.a_single);
+    return AddColumn<Scalar, kBytes>(t, t.a);
+  }
   constexpr Index kHeight = 2 * kBytes / static_cast<Index>(sizeof(Scalar));
+  Scalar* packed = workspace;
+  Scalar* converted = workspace + kHeight * t.inner;
   for (Index r = 0; r < t.rows; r += kHeight) {
     const Index height = std::min(kHeight, t.rows - r);
-    for (Index k = 0; k < t.inner; ++k) {
-      const Scalar* from = t.a + k * t.a_stride + r;
-      for (Index i = 0; i < kHeight; ++i) packed[k * kHeight + i] = i < height ? from[i] : 0;
+    if (t.a_single != nullptr) {
+      Pack<Scalar, kBytes>(t, t.a_single + r, height, packed);
+    } else {
+      Pack<Scalar, kBytes>(t, t.a + r, height, packed);
     }
-    Index j = 0;
-    for (; j + kColumns <= t.columns; j += kColumns)
-      AddTile<Scalar, kBytes, kColumns>(t, packed, t.b + j * t.b_stride, t.c + j * t.c_stride + r,
-                                        height);
-    for (; j < t.columns; ++j)
-      AddTile<Scalar, kBytes, 1>(t, packed, t.b + j * t.b_stride, t.c + j * t.c_stride + r, height);
+    AddTiles<Scalar, kBytes, kColumns>(t, packed, height, t.c + r, 0, converted);
   }
 }
 
@@ -156,6 +228,15 @@ struct Columns {
   Vector4 x, y, z;
 };
 
+/// Rows of a block of vertices, one after another in a column.
+constexpr Index kBlockVertices = kVertexBlock, kBlockRows = 3 * kBlockVertices;
+
+/// The right factor of a product.
+struct Factor {
+  const double* values;
+  Index inner, inner_stride, column_stride;
+};
+
 /// out += columns v.
 SOLE_KERNEL inline void Combine(Vector4& out, const Columns& columns, const double* v) {
   out += columns.x * v[0] + columns.y * v[1] + columns.z * v[2];
@@ -169,10 +250,89 @@ SOLE_KERNEL inline void AddTurn(const double* turn, const Vector4& arm, Vector4&
   out += x * arm[0] + y * arm[1] + z * arm[2];
 }
 
-SOLE_KERNEL inline void AddTurnsAndFeatures(const VertexDerivativeTerms& t, Index i,
-                                            const Columns& blended) {
-  for (Index j = 0; j < t.joints; ++j) {
+/// out += a b of some rows, `kColumns` columns of stride kBlockRows; `readable` rows of `a` may be
+/// read.
+template <int kBytes, int kColumns, class Given>
+SOLE_KERNEL inline Index AddRowVectors(const Given* a, Index a_stride, const Factor& b, double* out,
+                                       Index r, Index end) {
+  using Vector = typename VectorOf<double, kBytes>::Type;
+  constexpr Index kWidth = kBytes / static_cast<Index>(sizeof(double));
+  for (; r + kWidth <= end; r += kWidth) {
+    Vector sums[kColumns];
+    for (int c = 0; c < kColumns; ++c) Load(sums[c], out + kBlockRows * c + r);
+    const Given* from = a + r;
+    const double* factor = b.values;
+    for (Index k = 0; k < b.inner; ++k, from += a_stride, factor += b.inner_stride) {
+      Vector v;
+      Load(v, from);
+#pragma GCC unroll 4
+      for (int c = 0; c < kColumns; ++c) sums[c] += v * factor[c * b.column_stride];
+    }
+    for (int c = 0; c < kColumns; ++c) Store(sums[c], out + kBlockRows * c + r);
+  }
+  return r;
+}
+
+template <int kBytes, int kColumns, class Given>
+SOLE_KERNEL inline void AddRows(const Given* a, Index a_stride, const Factor& b, double* out,
+                                Index rows, Index readable) {
+  Index r = AddRowVectors<kBytes, kColumns>(a, a_stride, b, out, 0, rows);
+  r = AddRowVectors<32, kColumns>(a, a_stride, b, out, r, std::min(readable, (rows + 3) / 4 * 4));
+  for (; r < rows; ++r) {
+    for (int c = 0; c < kColumns; ++c) {
+      for (Index k = 0; k < b.inner; ++k)
+        out[kBlockRows * c + r] +=
+            a[k * a_stride + r] * b.values[k * b.inner_stride + c * b.column_stride];
+    }
+  }
+}
+
+/// Derivatives of the unposed vertices first .. first + count in theta and beta, to t.block.
+template <int kBytes, class Given>
+SOLE_KERNEL inline void DifferentiateRest(const VertexDerivativeTerms& t, const Given* shapedirs,
+                                          const Given* posedirs, Index first, Index count) {
+  const Index row = 3 * first, rows = 3 * count, readable = t.rows - row, thetas = 3 * t.joints;
+  std::memset(t.block, 0,
+              sizeof(double) * static_cast<std::size_t>(kBlockRows * (thetas + t.betas)));
+  for (Index j = t.first_feature_joint; posedirs != nullptr && j < t.joints; ++j) {
+    bool corrected = false;
+    for (Index v = 0; v < count; ++v) corrected |= t.corrected[(first + v) * t.joints + j] != 0;
+    if (!corrected) continue;
+    const Given* directions =
+        posedirs + (j - t.first_feature_joint) * t.joint_features * t.rows + row;
+    const double* factor = t.feature_derivative + 3 * t.joint_features * j;
+    AddRows<kBytes, 3>(directions, t.rows, Factor{factor, t.joint_features, 3, 1},
+                       t.block + kBlockRows * 3 * j, rows, readable);
+  }
+  const double one = 1;
+  for (Index b = 0; b < t.betas; ++b) {
+    double* to = t.block + kBlockRows * (thetas + b);
+    AddRows<kBytes, 1>(shapedirs + b * t.rows + row, t.rows, Factor{&one, 1, 0, 0}, to, rows,
+                       readable);
+    if (b == 1 && t.beta_feature >= 0)
+      AddRows<kBytes, 1>(posedirs + t.beta_feature * t.rows + row, t.rows, Factor{&one, 1, 0, 0},
+                         to, rows, readable);
+  }
+  if (t.latent == 0) return;
+  Index c = 0;
+  for (; c + 4 <= t.network_columns; c += 4)
+    AddRows<kBytes, 4>(t.network_outer + row, t.rows,
+                       Factor{t.network_inner + c * t.latent, t.latent, 1, t.latent},
+                       t.block + kBlockRows * c, rows, readable);
+  for (; c < t.network_columns; ++c)
+    AddRows<kBytes, 1>(t.network_outer + row, t.rows,
+                       Factor{t.network_inner + c * t.latent, t.latent, 1, t.latent},
+                       t.block + kBlockRows * c, rows, readable);
+}
+
+/// `block`: the vertex' first column in t.block.
+SOLE_KERNEL inline void AddThetas(const VertexDerivativeTerms& t, const double* block,
+                                  const Columns& blended) {
+  for (Index j = 0; j < t.joints; ++j, block += 3 * kBlockRows) {
     Vector4 out0{}, out1{}, out2{}, moment, centre;
+    Combine(out0, blended, block);
+    Combine(out1, blended, block + kBlockRows);
+    Combine(out2, blended, block + 2 * kBlockRows);
     Load(moment, t.moments + 4 * j);
     if (moment[3] != 0) {
       Load(centre, t.centres + 4 * j);
@@ -181,78 +341,23 @@ SOLE_KERNEL inline void AddTurnsAndFeatures(const VertexDerivativeTerms& t, Inde
       AddTurn(t.turns + 36 * j + 12, arm, out1);
       AddTurn(t.turns + 36 * j + 24, arm, out2);
     }
-    if (t.posedirs != nullptr && t.corrected[i * t.joints + j] != 0) {
-      const double* direction =
-          t.posedirs + (j - t.first_feature_joint) * t.joint_features * t.rows + 3 * i;
-      const double* factor = t.feature_derivative + 3 * t.joint_features * j;
-      for (Index f = 0; f < t.joint_features; ++f, direction += t.rows, factor += 3) {
-        Vector4 turned{};
-        Combine(turned, blended, direction);
-        out0 += turned * factor[0];
-        out1 += turned * factor[1];
-        out2 += turned * factor[2];
-      }
-    }
     Store(out0, t.columns + 12 * j);
     Store(out1, t.columns + 12 * j + 4);
     Store(out2, t.columns + 12 * j + 8);
   }
 }
 
-SOLE_KERNEL inline void AddBetas(const VertexDerivativeTerms& t, Index i, const Columns& blended) {
-  for (Index b = 0; b < t.betas; ++b) {
+SOLE_KERNEL inline void AddBetas(const VertexDerivativeTerms& t, Index i, const double* block,
+                                 const Columns& blended) {
+  block += kBlockRows * 3 * t.joints;
+  for (Index b = 0; b < t.betas; ++b, block += kBlockRows) {
     Vector4 out{}, share;
-    const double* direction = t.shapedirs + b * t.rows + 3 * i;
-    Combine(out, blended, direction);
+    Combine(out, blended, block);
     for (int e = t.start[i]; e < t.start[i + 1]; ++e) {
       Load(share, t.offset_by_beta + 4 * (t.joint[e] * t.betas + b));
       out += share * t.weight[e];
     }
-    if (b == 1 && t.beta_feature >= 0) {
-      direction = t.posedirs + t.beta_feature * t.rows + 3 * i;
-      Combine(out, blended, direction);
-    }
     Store(out, t.columns + 4 * (3 * t.joints + b));
-  }
-}
-
-SOLE_KERNEL inline void AddNetwork(const VertexDerivativeTerms& t, Index i,
-                                   const Columns& blended) {
-  for (Index l = 0; l < t.latent; ++l) {
-    const double* direction = t.network_outer + l * t.rows + 3 * i;
-    Vector4 turned{};
-    Combine(turned, blended, direction);
-    Store(turned, t.turned + 4 * l);
-  }
-  Index c = 0;
-  for (; c + 4 <= t.network_columns; c += 4) {
-    double* to = t.columns + 4 * c;
-    Vector4 sum0, sum1, sum2, sum3, turned;
-    Load(sum0, to);
-    Load(sum1, to + 4);
-    Load(sum2, to + 8);
-    Load(sum3, to + 12);
-    const double* inner = t.network_inner + c * t.latent;
-    for (Index l = 0; l < t.latent; ++l, ++inner) {
-      Load(turned, t.turned + 4 * l);
-      sum0 += turned * inner[0];
-      sum1 += turned * inner[t.latent];
-      sum2 += turned * inner[2 * t.latent];
-      sum3 += turned * inner[3 * t.latent];
-    }
-    Store(sum0, to);
-    Store(sum1, to + 4);
-    Store(sum2, to + 8);
-    Store(sum3, to + 12);
-  }
-  for (; c < t.network_columns; ++c) {
-    Vector4 sum, turned;
-    Load(sum, t.columns + 4 * c);
-    for (Index l = 0; l < t.latent; ++l) {
-      Load(turned, t.turned + 4 * l);
-      sum += turned * t.network_inner[c * t.latent + l];
-    }
-    Store(sum, t.columns + 4 * c);
   }
 }
 
@@ -278,8 +383,9 @@ SOLE_KERNEL inline void Transpose(const double* columns, Index count, double* ro
     for (int axis = 0; axis < 3; ++axis) rows[axis * count + c] = columns[4 * c + axis];
 }
 
-SOLE_ENTRY inline void DifferentiateBody(const VertexDerivativeTerms& t, Index i, double* jacobian,
-                                         double* position) {
+/// `block`: the vertex' first column in t.block.
+SOLE_KERNEL inline void DifferentiateOne(const VertexDerivativeTerms& t, Index i,
+                                         const double* block, double* jacobian, double* position) {
   std::memset(t.moments, 0, sizeof(double) * static_cast<std::size_t>(4 * t.joints));
   Columns blended{};
   const double* rest = t.rest + 3 * i;
@@ -309,15 +415,32 @@ SOLE_ENTRY inline void DifferentiateBody(const VertexDerivativeTerms& t, Index i
     Store(above, t.moments + 4 * t.parents[j]);
   }
   for (int axis = 0; axis < 3; ++axis) position[axis] = t.moments[axis] + t.translation[axis];
-  AddTurnsAndFeatures(t, i, blended);
-  AddBetas(t, i, blended);
-  if (t.latent > 0) AddNetwork(t, i, blended);
+  AddThetas(t, block, blended);
+  AddBetas(t, i, block, blended);
   const Index shifts = 3 * t.joints + t.betas;
   for (int axis = 0; axis < 3; ++axis) {
     double* column = t.columns + 4 * (shifts + axis);
     for (int a = 0; a < 4; ++a) column[a] = a == axis ? 1 : 0;
   }
   Transpose(t.columns, shifts + 3, jacobian);
+}
+
+template <int kBytes>
+SOLE_ENTRY void DifferentiateBody(const VertexDerivativeTerms& t, Index first, Index count,
+                                  double* jacobian, double* positions) {
+  const Index size = 3 * (3 * t.joints + t.betas + 3);
+  for (Index done = 0; done < count; done += kBlockVertices) {
+    const Index some = std::min(kBlockVertices, count - done);
+    if (t.single) {
+      DifferentiateRest<kBytes>(t, t.shapedirs_single, t.posedirs_single, first + done, some);
+    } else {
+      DifferentiateRest<kBytes>(t, t.shapedirs, t.posedirs, first + done, some);
+    }
+    for (Index v = 0; v < some; ++v) {
+      const Index at = done + v;
+      DifferentiateOne(t, first + at, t.block + 3 * v, jacobian + at * size, positions + 3 * at);
+    }
+  }
 }
 
 #undef SOLE_ENTRY

@@ -7,7 +7,9 @@
 
 namespace sole::model {
 
-/// c += a b; all column-major, a rows x inner, b inner x columns, strides between columns.
+/// c += a b; all column-major, a rows x inner, b inner x columns, strides between columns. A factor
+/// that is also given in single precision is read from there: half as much memory, which is what
+/// large matrices times few columns wait for.
 template <class Scalar>
 struct ProductTerms {
   std::ptrdiff_t rows, columns, inner;
@@ -17,6 +19,8 @@ struct ProductTerms {
   std::ptrdiff_t b_stride;
   Scalar* c;
   std::ptrdiff_t c_stride;
+  const float* a_single = nullptr;  ///< strides as of a and b
+  const float* b_single = nullptr;
 };
 template <class Scalar>
 void AddProduct(const ProductTerms<Scalar>& terms);
@@ -37,6 +41,9 @@ struct SkinTerms {
 template <class Scalar>
 void Skin(const SkinTerms<Scalar>& terms);
 
+/// Vertices whose derivatives before skinning are computed together.
+inline constexpr std::ptrdiff_t kVertexBlock = 8;
+
 /// What the derivative of a vertex is made of; K joints, B' shape coefficients. Vectors of four are
 /// (x, y, z, 0).
 struct VertexDerivativeTerms {
@@ -53,7 +60,10 @@ struct VertexDerivativeTerms {
   std::ptrdiff_t rows;           ///< 3 N, stride of the blend shapes' columns
   const double* rest;            ///< 3 N
   const double* shapedirs;
-  const double* posedirs;                ///< null: no correctives
+  const double* posedirs;         ///< null: no correctives
+  const float* shapedirs_single;  ///< both in single precision, read instead where `single`
+  const float* posedirs_single;
+  bool single;
   const unsigned char* corrected;        ///< N x K
   std::ptrdiff_t first_feature_joint;    ///< 1 where the root has no feature
   std::ptrdiff_t joint_features;         ///< 4 or 9
@@ -64,13 +74,13 @@ struct VertexDerivativeTerms {
   const double* network_outer;           ///< 3 N x latent
   const double* network_inner;           ///< latent x network_columns
   double* moments;                       ///< workspace, 4 K
-  double* turned;                        ///< workspace, 4 latent
+  double* block;                         ///< workspace, 3 kVertexBlock (3 K + B')
   double* columns;                       ///< workspace, 4 (3 K + B' + 3) rounded up to 16
 };
 
-/// Derivative of vertex i in theta, beta and translation to three consecutive rows of 3 K + B' + 3
-/// values each; its position to `position`.
-void DifferentiateVertex(const VertexDerivativeTerms& terms, std::ptrdiff_t i, double* jacobian,
-                         double* position);
+/// Derivatives of `count` vertices in theta, beta and translation, each to three consecutive rows of
+/// 3 K + B' + 3 values; their positions, 3 values each. Fastest for kVertexBlock vertices and more.
+void DifferentiateVertices(const VertexDerivativeTerms& terms, std::ptrdiff_t first,
+                           std::ptrdiff_t count, double* jacobian, double* positions);
 
 }  // namespace sole::model

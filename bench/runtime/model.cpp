@@ -1,6 +1,6 @@
 // The foot model beside a plain Eigen transcription of its formulas, on a random model of the
 // paper's size: 266 vertices, 13 joints, 10 shapes, at most four influences a vertex, dense
-// correctives. A third of the contact values is one.
+// correctives, values of single precision as in its file. A third of the contact values is one.
 // usage: bench_model [--benchmark_filter=REGEX]; single evaluations run on one thread.
 #include <benchmark/benchmark.h>
 #include <tbb/global_control.h>
@@ -25,6 +25,12 @@ Eigen::MatrixXd Random(std::mt19937_64& engine, Eigen::Index rows, Eigen::Index 
   return Eigen::MatrixXd::NullaryExpr(rows, cols, [&] { return normal(engine); });
 }
 
+/// As a model's file holds them.
+Eigen::MatrixXd RandomSingle(std::mt19937_64& engine, Eigen::Index rows, Eigen::Index cols,
+                             double scale) {
+  return Random(engine, rows, cols, scale).cast<float>().cast<double>();
+}
+
 FootModel MakeModel(bool network) {
   std::mt19937_64 engine(1);
   FootModel model;
@@ -34,14 +40,14 @@ FootModel MakeModel(bool network) {
   model.coarse.weights = Eigen::MatrixXd::Zero(kVertices, kJoints);
   for (Eigen::Index i = 0; i < kVertices; ++i)
     for (Eigen::Index e = 0; e < 4; ++e) model.coarse.weights(i, (i + 3 * e) % kJoints) = 0.25;
-  model.coarse.shapedirs = Random(engine, 3 * kVertices, kShapes, 0.002);
-  model.coarse.posedirs = Random(engine, 3 * kVertices, 4 * kJoints, 0.002);
+  model.coarse.shapedirs = RandomSingle(engine, 3 * kVertices, kShapes, 0.002);
+  model.coarse.posedirs = RandomSingle(engine, 3 * kVertices, 4 * kJoints, 0.002);
   model.joint_regressor = Eigen::MatrixXd::Constant(kJoints, kVertices, 1.0 / kVertices);
   const Eigen::Index sizes[] = {
       4 * kJoints + 2 + kVertices, 256, 128, 64, 32, 16, 32, 64, 128, 3 * kVertices};
   for (int l = 0; network && l < 9; ++l)
-    model.network.push_back(
-        {Random(engine, sizes[l + 1], sizes[l], 0.1), Random(engine, sizes[l + 1], 1, 0.1)});
+    model.network.push_back({RandomSingle(engine, sizes[l + 1], sizes[l], 0.1),
+                             Random(engine, sizes[l + 1], 1, 0.1)});
   Prepare(model);
   return model;
 }

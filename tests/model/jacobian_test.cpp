@@ -57,6 +57,69 @@ TEST(VertexJacobian, MatchesNumericDerivativesForEveryFamilyAndVariant) {
   }
 }
 
+/// Values as a file of single precision holds them.
+FootModel InSingle(FootModel model) {
+  const auto round = [](Eigen::MatrixXd& values) {
+    values = values.cast<float>().cast<double>().eval();
+  };
+  for (ModelSurface* surface : {&model.coarse, &model.fine}) {
+    round(surface->shapedirs);
+    round(surface->posedirs);
+  }
+  for (NetworkLayer& layer : model.network) round(layer.weight);
+  Prepare(model);
+  return model;
+}
+
+TEST(SinglePrecision, IsReadWhereExactAndChangesNothing) {
+  for (const Family family : {Family::kSupr, Family::kStar, Family::kSmpl}) {
+    const FootModel model = InSingle(RandomModel(family, 25));
+    FootModel full = model;
+    full.derived.coarse_single = full.derived.fine_single = {};
+    full.derived.network_single.clear();
+    ASSERT_GT(model.derived.fine_single.posedirs.size(), 0);
+    ASSERT_GT(model.derived.network_single[1].size(), 0);
+    EXPECT_EQ(RandomModel(family, 25).derived.network_single[1].size(), 0);
+    const ModelParameters parameters = RandomParameters(model, 26);
+    const auto largest = [](const Eigen::MatrixXd& difference) {
+      return difference.cwiseAbs().maxCoeff();
+    };
+    for (const Variant variant : {Variant::kCoarse, Variant::kFine}) {
+      EXPECT_LT(largest(Forward(model, parameters, variant).vertices_m -
+                        Forward(full, parameters, variant).vertices_m),
+                1e-15);
+      EXPECT_LT(largest(VertexJacobian(model, parameters, variant).jacobian -
+                        VertexJacobian(full, parameters, variant).jacobian),
+                1e-14);
+      EXPECT_LT(largest(VertexContactJacobian(model, parameters, variant) -
+                        VertexContactJacobian(full, parameters, variant)),
+                1e-14);
+    }
+    ExpectVertexJacobian(model, parameters, Variant::kFine);
+  }
+}
+
+TEST(VertexJacobian, OfSomeVerticesIsTheirPartOfTheWhole) {
+  for (const bool single : {false, true}) {
+    FootModel model = RandomModel(Family::kSupr, 27);
+    model.fine.posedirs.block(9, 4, 6, 4).setZero();  // joint 1 corrects neither vertex 3 nor 4
+    Prepare(model);
+    if (single) model = InSingle(model);
+    const ModelParameters parameters = RandomParameters(model, 28);
+    const PointsJacobian whole = VertexJacobian(model, parameters, Variant::kFine);
+    const std::vector<int> some = {19, 0, 3, 4, 5, 4, 18, 19};
+    const PointsJacobian part = VertexJacobian(model, parameters, Variant::kFine, some);
+    for (std::size_t m = 0; m < some.size(); ++m) {
+      const auto row = static_cast<Eigen::Index>(m);
+      EXPECT_LT((part.points_m.row(row) - whole.points_m.row(some[m])).norm(), 1e-15);
+      EXPECT_LT(
+          (part.jacobian.middleRows<3>(3 * row) - whole.jacobian.middleRows<3>(3 * some[m])).norm(),
+          1e-14)
+          << "vertex " << some[m];
+    }
+  }
+}
+
 TEST(VertexJacobian, MatchesAtRestAndForTinyAndLargeAngles) {
   const FootModel model = RandomModel(Family::kSupr, 24);
   ModelParameters parameters = RandomParameters(model, 25);
