@@ -17,6 +17,8 @@ namespace {
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
+constexpr double kHopelessZncc = 0.1;  // so far below what is asked for windows do not recover
+
 constexpr float kPole = -0.26794919F;  // sqrt(3) - 2
 constexpr int kHorizon = 14;           // kPole^14 < 1e-8
 
@@ -180,6 +182,8 @@ SubsetMatch MatchSubset(const PreparedImage& left, const PreparedImage& right, c
     // A last step this small changes correlation and residual by nothing that counts.
     converged = moved < options.convergence_px;
     if (converged) break;
+    if (match.iterations >= options.patience && match.zncc < options.min_zncc - kHopelessZncc)
+      return match;
   }
   if (!converged) return match;
   match.status = SubsetStatus::kPoor;

@@ -34,9 +34,10 @@ struct SubsetWarp {
 
 struct SubsetOptions {
   int radius_px = 6;  ///< window of 2 radius + 1 pixels, at most 15
-  int max_iterations = 20;
-  double convergence_px = 0.005;  ///< stop when no corner of the window moves more
+  int max_iterations = 8;
+  double convergence_px = 0.05;  ///< stop when no corner moves more: the next step is a tenth of it
   double max_travel_px = 4;       ///< from the start to the match
+  int patience = 3;               ///< iterations after which a match must be near min_zncc
   double min_zncc = 0.85;
   double min_contrast = 3;     ///< standard deviation of the grey levels in the window
   double max_sigma_px = 0.12;  ///< largest standard deviation of the match in any direction
