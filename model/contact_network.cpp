@@ -41,7 +41,8 @@ struct Weights {
 
 Weights WeightsOf(std::span<const NetworkLayer> layers, std::span<const Eigen::MatrixXf> single,
                   std::size_t l) {
-  return {layers[l].weight, l < single.size() ? single[l].data() : nullptr};
+  const bool given = l < single.size() && single[l].size() == layers[l].weight.size();
+  return {layers[l].weight, given ? single[l].data() : nullptr};
 }
 
 /// sum += a b.

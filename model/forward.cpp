@@ -53,7 +53,7 @@ Eigen::Matrix3Xd StackedRestVertices(const FootModel& model, const ModelParamete
                                 const Eigen::VectorXd& values) {
     AddProduct<double>({directions.rows(), 1, values.size(), directions.data(), directions.rows(),
                         values.data(), values.size(), positions.data(), directions.rows(),
-                        single.data()});
+                        single.size() == directions.size() ? single.data() : nullptr});
   };
   const DerivedModelData::SingleSurface& single = SingleSurfaceOf(model, variant);
   add(surface.shapedirs, single.shapedirs, parameters.beta);
