@@ -31,6 +31,8 @@ void AddTargetCommands(CLI::App& app, CommonOptions& common, int& status);
 void AddGroundCommand(CLI::App& calibrate, CommonOptions& common, int& status);
 void AddColmapCommands(CLI::App& calibrate, CommonOptions& common, int& status);
 void AddProcessingCommands(CLI::App& app, CommonOptions& common, int& status);
+/// `fit`, in its place among the processing commands.
+void AddFitCommand(CLI::App& app, CommonOptions& common, int& status);
 void AddMatchCommand(CLI::App& app, CommonOptions& common, int& status);
 void AddDatasetCommands(CLI::App& app, CommonOptions& common, int& status);
 void AddTrainCommand(CLI::App& app, CommonOptions& common, int& status);

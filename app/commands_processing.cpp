@@ -12,7 +12,6 @@
 #include "app/evaluate.h"
 #include "app/evaluate_model.h"
 #include "app/export_colmap.h"
-#include "app/register_dataset.h"
 #include "app/stages.h"
 
 namespace sole::app {
@@ -57,19 +56,7 @@ void AddProcessingCommands(CLI::App& app, CommonOptions& common, int& status) {
   add_take(AddCommand(app, common, status, "contact", "Ground surface of every frame", "sole contact takes/S017",
                       [a] { return RunContact(a->take); }));
 
-  CLI::App* fit = AddCommand(app, common, status, "fit", "Registration, contact labels and model fit",
-                             "sole fit takes/S017 --model models/sole-foot.npz",
-                             [a, &common] {
-                               const ModelPair models = LoadModelPair(a->ModelPath());
-                               if (!std::filesystem::exists(std::filesystem::path(a->take) / "dataset.json")) return RunFit(a->take, models);
-                               std::unique_ptr<Progress> progress;
-                               return RegisterDataset(a->take, models, {.stop = common.stop}, [&](int done, int all) {
-                                 if (!progress) progress = std::make_unique<Progress>("people", all);
-                                 progress->Set(done);
-                               });
-                             });
-  add_take(fit);
-  add_model(fit);
+  AddFitCommand(app, common, status);
 
   CLI::App* process = AddCommand(app, common, status, "process", "reconstruct, contact, fit, measure and export, only what is stale",
                                  "sole process takes/S017 --calibration rig-calibration.json",
@@ -85,9 +72,13 @@ void AddProcessingCommands(CLI::App& app, CommonOptions& common, int& status) {
 
   CLI::App* export_command = AddCommand(app, common, status, "export", "Files for others",
                                         "sole export takes/S017 --to glb", [a] {
-                                          const auto path = a->format == "colmap" ? ExportColmap(a->take)
-                                                                                  : RunExport(a->take, LoadModelPair(a->ModelPath()), a->format);
-                                          return json{{"path", path.string()}};
+                                          if (a->format == "colmap") return json{{"path", ExportColmap(a->take).string()}};
+                                          json account;
+                                          for (const auto& path : RunExport(a->take, LoadModelPair(a->ModelPath()), a->format)) {
+                                            if (account.empty()) account["path"] = path.string();
+                                            else account["further_feet"].push_back(path.string());
+                                          }
+                                          return account;
                                         });
   add_take(export_command);
   add_model(export_command);

@@ -58,6 +58,20 @@ void ExportNpz(const fs::path& path, const ExportFrames& frames) {
                       {"vertices_m", io::Reshaped(io::NpyFrom(positions), {frames.triggers.size(), count, 3})}});
 }
 
+ExportFrames FramesOf(const FitSequence& fit, const ModelPair& models) {
+  ExportFrames frames;
+  for (const FrameFit& frame : fit.frames) {
+    if (!frame.found) continue;
+    const model::FootModel& model = frame.side == Side::kRight ? models.right : models.left;
+    const bool fine = frame.registration_fine_m.rows() > 0;
+    frames.animation.triangles =
+        model::TemplateMesh(model, fine ? model::Variant::kFine : model::Variant::kCoarse).triangles;
+    frames.animation.frames.push_back(fine ? frame.registration_fine_m : frame.registration_m);
+    frames.triggers.push_back(frame.trigger);
+  }
+  return frames;
+}
+
 using Exporter = std::function<void(const fs::path&, const ExportFrames&)>;
 
 /// A new format is one line here and one writer in io/.
@@ -82,7 +96,7 @@ const std::vector<std::string>& ExportFormats() {
   return names;
 }
 
-fs::path RunExport(const fs::path& directory, const ModelPair& models, const std::string& format) {
+std::vector<fs::path> RunExport(const fs::path& directory, const ModelPair& models, const std::string& format) {
   const auto exporter = std::find_if(Exporters().begin(), Exporters().end(),
                                      [&](const auto& entry) { return entry.first == format; });
   if (exporter == Exporters().end()) {
@@ -90,25 +104,19 @@ fs::path RunExport(const fs::path& directory, const ModelPair& models, const std
   }
   const io::TakePaths take{directory};
   Require(fs::exists(take.Fit()), take.Fit().string() + " is missing: run `sole fit " + directory.string() + "` first");
-  const FitSequence fit = io::ReadFit(take.Fit());
-  ExportFrames frames;
-  frames.animation.rate_hz = io::TakeReader(directory).Config().trigger.rate_hz;
-  for (const FrameFit& frame : fit.frames) {
-    if (!frame.found) continue;
-    const model::FootModel& model = frame.side == Side::kRight ? models.right : models.left;
-    const bool fine = frame.registration_fine_m.rows() > 0;
-    const Eigen::MatrixX3d& vertices = fine ? frame.registration_fine_m : frame.registration_m;
-    frames.animation.triangles =
-        model::TemplateMesh(model, fine ? model::Variant::kFine : model::Variant::kCoarse).triangles;
-    frames.animation.frames.push_back(vertices);
-    frames.triggers.push_back(frame.trigger);
-  }
-  Require(!frames.triggers.empty(), "no frame of " + directory.string() + " has a fitted foot: nothing to export");
   io::MakeDirectory(take.Exports());
   const std::string name = fs::absolute(directory).lexically_normal().filename().string();
-  const fs::path path = take.Exports() / ((name.empty() ? "take" : name) + "." + format);
-  exporter->second(path, frames);
-  return path;
+  const double rate_hz = io::TakeReader(directory).Config().trigger.rate_hz;
+  std::vector<fs::path> paths;
+  for (int foot = 1; foot == 1 || fs::exists(OfFoot(take.Fit(), foot)); ++foot) {
+    ExportFrames frames = FramesOf(io::ReadFit(OfFoot(take.Fit(), foot)), models);
+    frames.animation.rate_hz = rate_hz;
+    Require(!frames.triggers.empty() || foot > 1, "no frame of " + directory.string() + " has a fitted foot: nothing to export");
+    if (frames.triggers.empty()) continue;
+    paths.push_back(OfFoot(take.Exports() / ((name.empty() ? "take" : name) + "." + format), foot));
+    exporter->second(paths.back(), frames);
+  }
+  return paths;
 }
 
 }  // namespace sole::app

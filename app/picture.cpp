@@ -99,18 +99,17 @@ void Picture::DrawPoints(const std::vector<Eigen::Vector3f>& points, const std::
   }
 }
 
-void Picture::WritePng(const std::filesystem::path& path) const {
-  cv::Mat image(height_, width_, CV_8UC3);
-  for (int y = 0; y < height_; ++y) {
-    for (int x = 0; x < width_; ++x) {
-      const Colour& c = pixels_[static_cast<std::size_t>(y * width_ + x)];
-      image.at<cv::Vec3b>(y, x) = cv::Vec3b(c[2], c[1], c[0]);
-    }
-  }
-  cv::Mat small;
+std::vector<std::uint8_t> Picture::Pixels() const {
+  cv::Mat image(height_, width_, CV_8UC3, const_cast<Colour*>(pixels_.data())), small;
   cv::resize(image, small, {}, 1.0 / kSuper, 1.0 / kSuper, cv::INTER_AREA);
-  std::vector<std::uint8_t> bytes;
-  Require(cv::imencode(".png", small, bytes), "cannot encode " + path.string());
+  return {small.data, small.data + small.total() * 3};
+}
+
+void Picture::WritePng(const std::filesystem::path& path) const {
+  std::vector<std::uint8_t> pixels = Pixels(), bytes;
+  cv::Mat image(height_ / kSuper, width_ / kSuper, CV_8UC3, pixels.data());
+  cv::cvtColor(image, image, cv::COLOR_RGB2BGR);
+  Require(cv::imencode(".png", image, bytes), "cannot encode " + path.string());
   io::WriteStringAtomically(path, std::string(bytes.begin(), bytes.end()));
 }
 

@@ -31,6 +31,8 @@ class Picture {
   /// Points as squares of `size_px`; `colours` as above.
   void DrawPoints(const std::vector<Eigen::Vector3f>& points, const std::vector<Colour>& colours, int size_px = 3);
   void WritePng(const std::filesystem::path& path) const;
+  /// The finished pixels row by row, three bytes (red, green, blue) each.
+  std::vector<std::uint8_t> Pixels() const;
 
  private:
   Eigen::Vector3d ToScreen(const Eigen::Vector3d& point) const;  ///< x, y in supersampled pixels, z depth

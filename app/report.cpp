@@ -189,12 +189,13 @@ void WriteReport(const fs::path& path, const fs::path& directory, const ModelPai
     html += "<h2>The scan</h2>\n" + ScanFigures(io::ReadPlyCloud(take.Scan(triggers[0].trigger)),
                                                 io::ReadPlyMesh(take.TruthMesh(triggers[0].trigger)), folder);
   }
-  if (fs::exists(take.Fit())) {
-    const FitSequence fit = io::ReadFit(take.Fit());
-    const io::ContactFile contact = io::ReadContact(take.Contact());
+  for (int foot = 1; fs::exists(OfFoot(take.Fit(), foot)); ++foot) {
+    const FitSequence fit = io::ReadFit(OfFoot(take.Fit(), foot));
+    const io::ContactFile contact = io::ReadContact(OfFoot(take.Contact(), foot));
     for (std::size_t f = 0; f < fit.frames.size(); ++f) {
       if (!fit.frames[f].found || contact.contact.size() <= f) continue;
-      html += "<h2>The fitted foot and its contact</h2>\n" + FitFigures(models, fit.frames[f], contact.contact[f], folder);
+      html += fmt::format("<h2>The fitted foot{} and its contact</h2>\n", foot == 1 ? "" : fmt::format(" {}", foot)) +
+              FitFigures(models, fit.frames[f], contact.contact[f], folder);
       break;
     }
     if (!models.right.network.empty()) html += "<h2>How contact deforms the sole</h2>\n" + NetworkFigures(models, fit, contact, folder);

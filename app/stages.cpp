@@ -10,6 +10,8 @@
 #include <nlohmann/json.hpp>
 
 #include "app/console.h"
+#include "app/fit_sequences.h"
+#include "app/fit_sheet.h"
 #include "contact/ground.h"
 #include "contact/label.h"
 #include "contact/temporal.h"
@@ -18,7 +20,6 @@
 #include "io/calibration_file.h"
 #include "io/mesh_file.h"
 #include "io/take.h"
-#include "model/fit.h"
 #include "model/measure.h"
 #include "model/mirror.h"
 #include "model/model_file.h"
@@ -102,6 +103,10 @@ fs::path DefaultModelPath() {
   return name;
 }
 
+fs::path OfFoot(const fs::path& first, int foot) {
+  return foot == 1 ? first : first.parent_path() / fmt::format("{}_{}{}", first.stem().string(), foot, first.extension().string());
+}
+
 json RunReconstruct(const fs::path& directory, const fs::path& calibration_path) {
   const io::TakePaths take{directory};
   const io::TakeReader reader(directory, Log);
@@ -175,71 +180,139 @@ json RunContact(const fs::path& directory) {
           {"platform_points", count > 0 ? json(points / count) : json(nullptr)}};
 }
 
-json RunFit(const fs::path& directory, const ModelPair& models) {
-  const io::TakePaths take{directory};
-  const std::vector<std::int64_t> triggers = TriggerNumbers(take);
-  const std::vector<PointCloud> clouds = ReadScans(take, triggers);
-  Require(fs::exists(take.Contact()), take.Contact().string() + " is missing: run `sole contact " + directory.string() + "` first");
-  io::ContactFile contact = io::ReadContact(take.Contact());
-  Require(contact.triggers == triggers, take.Contact().string() + " has other frames than the take: run `sole contact " +
-                                            directory.string() + "` again");
-  const GroundSurface calibrated = CalibratedGround(take);
-  model::FitOptions options;
-  options.label_contact = [&](const Eigen::MatrixX3d& vertices_m, const Eigen::VectorXd& sd_m, std::size_t f) {
-    return contact::LabelContact(vertices_m, sd_m, contact.ground[f], calibrated).probability;
-  };
-  const Stopwatch watch;
-  Progress progress("fit", static_cast<int>(triggers.size()));
-  const FitSequence fit = model::FitFrames(models.right, models.left, clouds, triggers, options,
-                                           [&](int done, int) { progress.Set(done); });
-  contact.contact.clear();
-  std::vector<Eigen::MatrixX3d> registered;
-  for (std::size_t f = 0; f < fit.frames.size(); ++f) {
-    registered.push_back(fit.frames[f].registration_m);
-    contact.contact.push_back(contact::LabelContact(fit.frames[f].registration_m,
-                                                    fit.frames[f].registration_sd_m, contact.ground[f], calibrated));
-    if (fit.frames[f].verdict != "good") {
-      Log(fmt::format("trigger {}: {}", triggers[f], fit.frames[f].verdict));
-    }
+namespace {
+
+/// One take as the fit reads it.
+struct FitTake {
+  io::TakePaths paths;
+  std::string subject;
+  io::ContactFile contact;
+  GroundSurface calibrated;
+
+  FrameContact Label(const Eigen::MatrixX3d& vertices_m, const Eigen::VectorXd& sd_m, std::size_t frame) const {
+    return contact::LabelContact(vertices_m, sd_m, contact.ground[frame], calibrated);
   }
-  contact::SmoothLabels(contact.contact);
-  contact::MeasureSlip(registered, contact.contact);
-  io::WriteFit(take.Fit(), fit);
-  io::WriteContact(take.Contact(), contact);
-  const json stats{{"format_version", 1},
-                   {"seconds_per_frame", triggers.empty() ? json(nullptr) : json(watch.Seconds() / static_cast<double>(triggers.size()))}};
-  io::WriteStringAtomically(directory / "fit.json", stats.dump(2) + "\n");
+};
+
+FitTake OpenForFit(const fs::path& directory, TakeClouds& scans) {
+  FitTake take{io::TakePaths{directory}, io::ReadTakeInfo(io::TakePaths{directory}).subject, {}, {}};
+  take.calibrated = CalibratedGround(take.paths);
+  scans.triggers = TriggerNumbers(take.paths);
+  scans.clouds = ReadScans(take.paths, scans.triggers);
+  Require(fs::exists(take.paths.Contact()),
+          take.paths.Contact().string() + " is missing: run `sole contact " + directory.string() + "` first");
+  take.contact = io::ReadContact(take.paths.Contact());
+  take.contact.contact.clear();
+  Require(take.contact.triggers == scans.triggers, take.paths.Contact().string() + " has other frames than the take: run `sole contact " +
+                                                       directory.string() + "` again");
+  return take;
+}
+
+json FootAccount(const FitSequence& fit, const std::vector<FrameContact>& contact) {
   const auto first = std::find_if(fit.frames.begin(), fit.frames.end(), [](const FrameFit& f) { return f.found; });
   const auto count_if = [&](auto condition) { return std::count_if(fit.frames.begin(), fit.frames.end(), condition); };
   return {{"frames", fit.frames.size()},
           {"found", count_if([](const FrameFit& f) { return f.found; })},
           {"good", count_if([](const FrameFit& f) { return f.verdict == "good"; })},
           {"side", first == fit.frames.end() ? json(nullptr) : json(first->side == Side::kLeft ? "left" : "right")},
-          {"slip_mm", MeanInMm(contact.contact, &FrameContact::slip_m)},
-          {"penetration_mm", MeanInMm(contact.contact, &FrameContact::penetration_m)},
-          {"seconds_per_frame", stats["seconds_per_frame"]}};
+          {"slip_mm", MeanInMm(contact, &FrameContact::slip_m)},
+          {"penetration_mm", MeanInMm(contact, &FrameContact::penetration_m)}};
+}
+
+/// Labels a foot and writes its files. Returns its account.
+json FinishFoot(const FitTake& take, int foot, const FootFit& fitted) {
+  io::ContactFile contact = take.contact;
+  std::vector<Eigen::MatrixX3d> registered;
+  for (std::size_t f = 0; f < fitted.fit.frames.size(); ++f) {
+    const FrameFit& frame = fitted.fit.frames[f];
+    registered.push_back(frame.registration_m);
+    contact.contact.push_back(take.Label(frame.registration_m, frame.registration_sd_m, f));
+    // Further feet are away most of the time.
+    if (frame.verdict != "good" && (foot == 1 || frame.found))
+      Log(fmt::format("{}trigger {}: {}", foot == 1 ? "" : fmt::format("foot {}, ", foot), frame.trigger, frame.verdict));
+  }
+  contact::SmoothLabels(contact.contact);
+  contact::MeasureSlip(registered, contact.contact);
+  io::WriteFit(OfFoot(take.paths.Fit(), foot), fitted.fit);
+  io::WriteContact(OfFoot(take.paths.Contact(), foot), contact);
+  return FootAccount(fitted.fit, contact.contact);
+}
+
+/// Files of feet that an earlier run found.
+void RemoveFrom(int foot, const fs::path& first) {
+  while (fs::remove(OfFoot(first, foot))) ++foot;
+}
+
+}  // namespace
+
+json RunFit(const std::vector<fs::path>& directories, const ModelPair& models) {
+  std::vector<TakeClouds> scans(directories.size());
+  std::vector<FitTake> takes;
+  std::size_t frames = 0;
+  for (std::size_t t = 0; t < directories.size(); ++t) {
+    takes.push_back(OpenForFit(directories[t], scans[t]));
+    Require(takes[t].subject == takes[0].subject,
+            fmt::format("takes fitted together share one shape, but {} is of subject '{}' and {} of '{}': fit each subject's takes apart",
+                        directories[0].string(), takes[0].subject, directories[t].string(), takes[t].subject));
+    frames += scans[t].triggers.size();
+  }
+  for (std::size_t t = 0; t < takes.size(); ++t) {
+    scans[t].label_contact = [&take = takes[t]](const Eigen::MatrixX3d& vertices_m, const Eigen::VectorXd& sd_m, std::size_t f) {
+      return take.Label(vertices_m, sd_m, f).probability;
+    };
+  }
+  const Stopwatch watch;
+  Progress progress("fit", static_cast<int>(frames));
+  const std::vector<std::vector<FootFit>> fits =
+      FitTakes(scans, models, [&](int done, int all) { progress.Set(done * static_cast<int>(frames) / std::max(all, 1)); }, Log);
+  progress.Set(static_cast<int>(frames));
+  const json seconds = frames == 0 ? json(nullptr) : json(watch.Seconds() / static_cast<double>(frames));
+  json accounts = json::array();
+  for (std::size_t t = 0; t < takes.size(); ++t) {
+    const io::TakePaths& paths = takes[t].paths;
+    json account;
+    for (std::size_t k = 0; k < fits[t].size(); ++k) {
+      const json foot = FinishFoot(takes[t], static_cast<int>(k) + 1, fits[t][k]);
+      if (k == 0) account = foot;
+      if (fits[t].size() > 1) account["feet"].push_back(foot);
+    }
+    for (const fs::path& file : {paths.Fit(), paths.Contact()}) RemoveFrom(static_cast<int>(fits[t].size()) + 1, file);
+    WriteFitSheet(paths.root / "fit-sheet.png", models, fits[t]);
+    account["seconds_per_frame"] = seconds;
+    io::WriteStringAtomically(paths.root / "fit.json", json{{"format_version", 1}, {"seconds_per_frame", seconds}}.dump(2) + "\n");
+    if (takes.size() > 1) account["take"] = paths.root.string();
+    accounts.push_back(account);
+  }
+  return takes.size() == 1 ? accounts[0] : json{{"takes", accounts}};
 }
 
 json RunMeasure(const fs::path& directory, const ModelPair& models) {
   const io::TakePaths take{directory};
   Require(fs::exists(take.Fit()), take.Fit().string() + " is missing: run `sole fit " + directory.string() + "` first");
-  const FitSequence fit = io::ReadFit(take.Fit());
-  const io::ContactFile contact = io::ReadContact(take.Contact());
-  std::vector<io::Measurement> rows;
-  std::map<std::string, std::pair<double, int>> sums;
-  for (std::size_t f = 0; f < fit.frames.size(); ++f) {
-    const FrameFit& frame = fit.frames[f];
-    const model::FootModel& model = frame.side == Side::kRight ? models.right : models.left;
-    for (const model::FootMeasure& m : model::MeasureFrame(model, frame, contact.ground.at(f))) {
-      rows.push_back({frame.trigger, m.name, 1e3 * m.value_m, "mm", 1e3 * m.sd_m, 1});
-      sums[m.name].first += 1e3 * m.value_m;
-      ++sums[m.name].second;
+  json account = json::object();
+  int feet = 0;
+  for (int foot = 1; foot == 1 || fs::exists(OfFoot(take.Fit(), foot)); ++foot, ++feet) {
+    const FitSequence fit = io::ReadFit(OfFoot(take.Fit(), foot));
+    const io::ContactFile contact = io::ReadContact(OfFoot(take.Contact(), foot));
+    std::vector<io::Measurement> rows;
+    std::map<std::string, std::pair<double, int>> sums;
+    for (std::size_t f = 0; f < fit.frames.size(); ++f) {
+      const FrameFit& frame = fit.frames[f];
+      const model::FootModel& model = frame.side == Side::kRight ? models.right : models.left;
+      for (const model::FootMeasure& m : model::MeasureFrame(model, frame, contact.ground.at(f))) {
+        rows.push_back({frame.trigger, m.name, 1e3 * m.value_m, "mm", 1e3 * m.sd_m, 1});
+        sums[m.name].first += 1e3 * m.value_m;
+        ++sums[m.name].second;
+      }
     }
+    io::WriteMeasurements(OfFoot(take.Measurements(), foot), rows);
+    json means = json::object();
+    for (const auto& [name, sum] : sums) means[name + "_mm"] = sum.first / sum.second;
+    if (foot == 1) account = means;
+    else account[fmt::format("foot_{}", foot)] = means;
   }
-  io::WriteMeasurements(take.Measurements(), rows);
-  json means = json::object();
-  for (const auto& [name, sum] : sums) means[name + "_mm"] = sum.first / sum.second;
-  return means;
+  RemoveFrom(feet + 1, take.Measurements());
+  return account;
 }
 
 json RunProcess(const fs::path& directory, const fs::path& calibration, const fs::path& model_path) {
@@ -252,10 +325,13 @@ json RunProcess(const fs::path& directory, const fs::path& calibration, const fs
   if (Stale(take.ReconstructionStats(), {take.Info(), used})) account["reconstruct"] = RunReconstruct(directory, used);
   const bool refit = Stale(take.Fit(), {take.ReconstructionStats(), model_path});
   if (refit || Stale(take.Contact(), {take.ReconstructionStats()})) account["contact"] = RunContact(directory);
-  if (refit) account["fit"] = RunFit(directory, models);
+  if (refit) account["fit"] = RunFit({directory}, models);
   if (Stale(take.Measurements(), {take.Fit()})) account["measure"] = RunMeasure(directory, models);
   for (const std::string& format : ExportFormats()) {
-    account["export"][format] = RunExport(directory, models, format).string();
+    const std::vector<fs::path> files = RunExport(directory, models, format);
+    account["export"][format] = files.front().string();
+    for (std::size_t k = 1; k < files.size(); ++k)
+      account["export"][fmt::format("{}_{}", format, k + 1)] = files[k].string();
   }
   return account;
 }

@@ -27,20 +27,26 @@ ModelPair LoadModelPair(const std::filesystem::path& path);
 /// program's own.
 std::filesystem::path DefaultModelPath();
 
+/// A file of the take's n-th foot (from 1), by that of the first: fit.npz, fit_2.npz ...
+std::filesystem::path OfFoot(const std::filesystem::path& first, int foot);
+
 /// scans/, scans/platform/, scans/stats.json and a copy of the calibration. Returns frames, points_mean, frames_without_foot,
 /// seconds_per_frame.
 nlohmann::json RunReconstruct(const std::filesystem::path& take, const std::filesystem::path& calibration);
 /// contact.npz with the ground of every frame. Returns frames, plane_offset_mm (mean), platform_points (mean).
 nlohmann::json RunContact(const std::filesystem::path& take);
-/// fit.npz, fit.json and the labels of contact.npz. Returns frames, found, good, side, seconds_per_frame.
-nlohmann::json RunFit(const std::filesystem::path& take, const ModelPair& models);
-/// measurements.csv. Returns the mean of every measure over the frames, in millimetres.
+/// fit.npz, fit.json, the labels of contact.npz and fit-sheet.png; fit_2.npz and contact_2.npz ... for further feet. Takes
+/// of one subject that are fitted together share a shape; those of several are refused. Returns frames, found, good, side,
+/// seconds_per_frame, with several feet `feet`, with several takes the accounts of each in `takes`.
+nlohmann::json RunFit(const std::vector<std::filesystem::path>& takes, const ModelPair& models);
+/// measurements.csv (measurements_2.csv ... for further feet). Returns the mean of every measure over the frames, in millimetres.
 nlohmann::json RunMeasure(const std::filesystem::path& take, const ModelPair& models);
 
 /// Formats of RunExport.
 const std::vector<std::string>& ExportFormats();
-/// Writes TAKE/exports/NAME.FORMAT and returns the path. Throws Error for an unknown format, naming the known ones.
-std::filesystem::path RunExport(const std::filesystem::path& take, const ModelPair& models, const std::string& format);
+/// Writes TAKE/exports/NAME.FORMAT (NAME_2.FORMAT ... for further feet) and returns the paths. Throws Error for an unknown
+/// format, naming the known ones.
+std::vector<std::filesystem::path> RunExport(const std::filesystem::path& take, const ModelPair& models, const std::string& format);
 
 /// All of the above in order, leaving out what is newer than its input. `calibration` may be empty if the
 /// take already holds one. Returns the accounts of the stages that ran and the exported files.

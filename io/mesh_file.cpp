@@ -17,9 +17,9 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr const char* kPlyStart =
-    "ply\nformat binary_little_endian 1.0\ncomment Sole point cloud or mesh, format 1, metres, "
-    "world frame (z up)\n";
+std::string PlyStart(const std::string& about) {
+  return "ply\nformat binary_little_endian 1.0\ncomment Sole point cloud or mesh, format 1, " + about + "\n";
+}
 
 void AppendFloats(std::string& out, const auto& vector) {
   for (Eigen::Index i = 0; i < vector.size(); ++i) AppendLittle(out, static_cast<float>(vector[i]));
@@ -74,7 +74,7 @@ void WritePly(const fs::path& path, const PointCloud& cloud) {
               fits(cloud.intensity.size()) && fits(cloud.pair.size()),
           path.string() + ": the cloud's vectors differ in length");
   std::string out =
-      kPlyStart +
+      PlyStart("metres, world frame (z up)") +
       fmt::format("element vertex {}\nproperty float x\nproperty float y\nproperty float z\n", n);
   if (!cloud.normals.empty()) out += "property float nx\nproperty float ny\nproperty float nz\n";
   if (!cloud.sigma_m.empty()) out += "property float sigma\n";
@@ -92,10 +92,10 @@ void WritePly(const fs::path& path, const PointCloud& cloud) {
   WriteStringAtomically(path, out);
 }
 
-void WritePly(const fs::path& path, const TriangleMesh& mesh) {
+void WritePly(const fs::path& path, const TriangleMesh& mesh, const std::string& about) {
   CheckTriangles(mesh, path);
   std::string out =
-      kPlyStart + fmt::format(
+      PlyStart(about) + fmt::format(
                       "element vertex {}\nproperty float x\nproperty float y\nproperty float z\n"
                       "element face {}\nproperty list uchar int vertex_indices\nend_header\n",
                       mesh.vertices.size(), mesh.triangles.size());

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 
 #include "core/mesh.h"
 #include "core/point_cloud.h"
@@ -12,7 +13,9 @@ namespace sole::io {
 /// and binary files of other programs, ignores unknown properties and elements, checks counts
 /// against the file's size before allocating, and throws Error with the path.
 void WritePly(const std::filesystem::path& path, const PointCloud& cloud);
-void WritePly(const std::filesystem::path& path, const TriangleMesh& mesh);
+/// `about` says unit and frame.
+void WritePly(const std::filesystem::path& path, const TriangleMesh& mesh,
+              const std::string& about = "metres, world frame (z up)");
 PointCloud ReadPlyCloud(const std::filesystem::path& path);
 TriangleMesh ReadPlyMesh(const std::filesystem::path& path);
 

@@ -15,6 +15,7 @@
 #include "io/npz.h"
 #include "io/raw_file.h"
 #include "io/rig_file.h"
+#include "io/scan_file.h"
 #include "io/take.h"
 #include "tests/support/temp_dir.h"
 
@@ -174,6 +175,26 @@ TEST(Fuzz, Ply) {
     const PointCloud read = ReadPlyCloud(path);
     EXPECT_TRUE(read.normals.empty() || read.normals.size() == read.Size());
   });
+}
+
+TEST(Fuzz, ScanFiles) {
+  const TempDir dir;
+  const TriangleMesh mesh{{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, {{0, 1, 2}, {0, 2, 1}}};
+  WritePly(dir / "a.ply", mesh);
+  WriteObj(dir / "a.obj", mesh);
+  WriteStl(dir / "a.stl", mesh);
+  WriteStringAtomically(dir / "text.stl",
+                        "solid\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendsolid\n");
+  for (const char* name : {"a.ply", "a.obj", "a.stl", "text.stl"}) {
+    Fuzz(dir / name, ReadFile(dir / name), 1000, [&] {
+      const ScanFile scan = ReadScanFile(dir / name);
+      EXPECT_FALSE(scan.mesh.vertices.empty());
+      for (const Eigen::Vector3i& t : scan.mesh.triangles) {
+        EXPECT_GE(t.minCoeff(), 0);
+        EXPECT_LT(t.maxCoeff(), static_cast<int>(scan.mesh.vertices.size()));
+      }
+    });
+  }
 }
 
 TEST(Fuzz, Raw) {
