@@ -28,8 +28,6 @@ struct FitOptions {
   double good_residual_m = 0.0015;
   double good_matched = 0.6;
   ContactLabeller label_contact;   ///< needed by a model whose network is told contact; without it contact is zero
-  int contact_rounds = 3;          ///< fits at most after the first one of a frame, each with newer labels
-  double contact_still = 0.01;     ///< mean change of the labels that ends them
   PoseFitOptions pose;
   RegistrationOptions registration;
 };
@@ -40,8 +38,10 @@ using FitProgress = std::function<void(int, int)>;
 /// Registers and fits one foot over the scans of a take (world frame, one cloud per trigger, in order of time).
 /// Some frames spread over the take give side and shape, each from scratch (foot_start.h); shape is then fixed, and
 /// every frame starts from the one before. A frame that this does not explain is fitted from scratch, too, and the
-/// better one kept. Where the model has a network that is told contact, every frame's fit alternates with its labels
-/// (FitOptions::label_contact), so that registration starts from a sole already flattened. `right` and `left` are the two sides of one model; which one it is is decided from the data.
+/// better one kept. Where the model has a network that is told contact, every frame is registered without contact,
+/// labelled on its registration (FitOptions::label_contact) and then fitted with these labels. Registering again from
+/// the flattened sole finds more contact each time than there is, so it is not done. `right` and `left` are the two
+/// sides of one model; which one it is is decided from the data.
 /// Frames without a foot have found = false.
 FitSequence FitFrames(const FootModel& right, const FootModel& left, std::span<const PointCloud> clouds,
                       std::span<const std::int64_t> triggers, const FitOptions& options = {},

@@ -47,11 +47,6 @@ void SetDeviations(const FootModel& model, const PoseFit& fit, FrameFit& frame) 
   }
 }
 
-/// Mean change of the labels; none before: all were zero.
-double Change(const Eigen::VectorXd& before, const Eigen::VectorXd& now) {
-  return before.size() ? (now - before).cwiseAbs().mean() : now.cwiseAbs().mean();
-}
-
 }  // namespace
 
 bool UsesContact(const FootModel& model, const FitOptions& options) {
@@ -61,24 +56,22 @@ bool UsesContact(const FootModel& model, const FitOptions& options) {
 SettledFit SettleFit(const FootModel& model, std::size_t frame, const Thinned& scan, const PoseFit& start,
                      bool free_shape, const FitOptions& options) {
   const Variant variant = model.HasFine() ? Variant::kFine : Variant::kCoarse;
-  const int rounds = UsesContact(model, options) ? options.contact_rounds : 0;
   SettledFit settled{start, {}};
-  for (int round = 0;; ++round) {
-    settled.fit =
-        FitPose(model, scan.fine, settled.fit.parameters, With(kFine, free_shape), options.pose);
-    const TriangleMesh posed =
-        MeshOf(model, variant, Forward(model, settled.fit.parameters, variant).vertices_m);
-    settled.registration = RegisterFree(posed, *scan.all, options.registration);
-    if (round == rounds) return settled;
-    const Eigen::Index n = model.NumVertices();
-    const Eigen::VectorXd labels = options.label_contact(settled.registration.vertices_m.topRows(n),
-                                                         settled.registration.sd_m.head(n), frame);
-    Require(labels.size() == n && labels.allFinite(),
-            fmt::format("fit: the labels of frame {} are not {} finite values", frame, n));
-    Eigen::VectorXd& contact = settled.fit.parameters.contact;
-    if (Change(contact, labels) < options.contact_still) return settled;
-    contact = labels.cwiseMax(0).cwiseMin(1);
-  }
+  ModelParameters& parameters = settled.fit.parameters;
+  parameters.contact.resize(0);  // that of the frame before would be found again
+  settled.fit = FitPose(model, scan.fine, parameters, With(kFine, free_shape), options.pose);
+  const TriangleMesh posed = MeshOf(model, variant, Forward(model, parameters, variant).vertices_m);
+  settled.registration = RegisterFree(posed, *scan.all, options.registration);
+  if (!UsesContact(model, options)) return settled;
+  const Eigen::Index n = model.NumVertices();
+  const Eigen::VectorXd labels = options.label_contact(settled.registration.vertices_m.topRows(n),
+                                                       settled.registration.sd_m.head(n), frame);
+  Require(labels.size() == n && labels.allFinite(),
+          fmt::format("fit: the labels of frame {} are not {} finite values", frame, n));
+  if (labels.maxCoeff() < 0.5) return settled;
+  parameters.contact = labels.cwiseMax(0).cwiseMin(1);
+  settled.fit = FitPose(model, scan.fine, parameters, With(kFine, free_shape), options.pose);
+  return settled;
 }
 
 FrameFit FinishFrame(const FootModel& model, Side side, std::int64_t trigger, const Thinned& scan,

@@ -69,11 +69,11 @@ struct SettledFit {
   Registration registration;
 };
 
-/// True if the fit alternates with contact: the model's network is told contact and somebody can label it.
+/// True if the fit is told contact: the model's network is told contact and somebody can label it.
 bool UsesContact(const FootModel& model, const FitOptions& options);
 
 /// Fits the last stage and registers, and where the model's network is told contact labels it on the registration
-/// and fits again, until the labels stay or options.contact_rounds have been spent.
+/// and fits the last stage again with these labels.
 SettledFit SettleFit(const FootModel& model, std::size_t frame, const Thinned& scan, const PoseFit& start,
                      bool free_shape, const FitOptions& options);
 
