@@ -85,8 +85,8 @@ void AddProcessingCommands(CLI::App& app, CommonOptions& common, int& status) {
   export_command->add_option("--to", a->format, fmt::format("Format: {}, colmap (workspaces of the scans)", fmt::join(ExportFormats(), ", ")))->required();
 
   CLI::App* evaluate = app.add_subcommand("evaluate", "Scores a processed simulated take against its truth, or a model on a dataset");
-  evaluate->footer("Examples: sole evaluate demo-out/take --json\n"
-                   "          sole evaluate models/sole-foot.npz scans --plots evaluation.html");
+  evaluate->footer("Example: sole evaluate demo-out/take --json\n"
+                   "         sole evaluate models/sole-foot.npz scans --plots evaluation.html");
   evaluate->add_option("WHAT", a->take, "Directory of a take, or a foot model")->required();
   evaluate->add_option("DATASET", a->dataset, "With a model: directory of a dataset of registrations");
   add_model(evaluate);

@@ -39,11 +39,13 @@ void SetDeviations(const FootModel& model, const PoseFit& fit, FrameFit& frame) 
   for (Eigen::Index j = 0; j < model.NumJoints(); ++j) {
     frame.theta_sd.row(j) = fit.covariance.diagonal().segment<3>(columns.theta + 3 * j).cwiseSqrt();
   }
+  // No parameters bring the model nearer than this.
+  const double misfit = MisfitOf(fit.residual_m);
   const PointsJacobian vertices = VertexJacobian(model, fit.parameters, Variant::kCoarse);
   frame.vertex_sd_m.resize(model.NumVertices());
   for (Eigen::Index v = 0; v < model.NumVertices(); ++v) {
     const auto rows = vertices.jacobian.middleRows<3>(3 * v);
-    frame.vertex_sd_m[v] = std::sqrt((rows * fit.covariance * rows.transpose()).trace() / 3);
+    frame.vertex_sd_m[v] = std::sqrt((rows * fit.covariance * rows.transpose()).trace() / 3 + misfit * misfit);
   }
 }
 

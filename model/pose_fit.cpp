@@ -179,9 +179,13 @@ void AddCovariance(const FootModel& model, const PointCloud& scan, const PoseFit
   const Variant variant = model.HasFine() ? Variant::kFine : Variant::kCoarse;
   const PointsJacobian points = SurfacePointJacobian(model, fit.parameters, variant, matches.places);
   const ParameterColumns columns = ColumnsOf(model, fit.parameters);
+  // Where the model does not reach the scan to within the stage's sigma, its misfit is the noise.
+  const double information =
+      std::min(1.0, std::pow(stage.sigma_m / std::max(MisfitOf(matches.residual_m), 1e-9), 2));
   Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(columns.count, columns.count);
   for (std::size_t i = 0; i < matches.places.size(); ++i) {
-    const Eigen::RowVectorXd row = matches.weights[i] * matches.normals[i].transpose() *
+    const Eigen::RowVectorXd row = std::sqrt(information) * matches.weights[i] *
+                                   matches.normals[i].transpose() *
                                    points.jacobian.middleRows<3>(static_cast<Eigen::Index>(3 * i));
     normal.selfadjointView<Eigen::Lower>().rankUpdate(row.transpose());
   }

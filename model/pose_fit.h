@@ -43,7 +43,10 @@ struct PoseFit {
 PoseFit FitPose(const FootModel& model, const PointCloud& scan, const ModelParameters& start,
                 const PoseFitStage& stage, const PoseFitOptions& options = {});
 
-/// Fills `covariance` from the normal equations at the solution.
+/// RMS that a mean distance between scan and model stands for, normal errors assumed.
+inline double MisfitOf(double residual_m) { return 1.25 * residual_m; }
+
+/// Fills `covariance` from the normal equations at the solution, the scan's points as good as the model's misfit to them.
 void AddCovariance(const FootModel& model, const PointCloud& scan, const PoseFitStage& stage,
                    const PoseFitOptions& options, PoseFit& fit);
 

@@ -175,7 +175,7 @@ TEST(FitTakes, AFootWithAThirdMissingSaysWhereItIsUnsure) {
       worst_ratio = std::max(worst_ratio, std::sqrt(error2[1] / variance[1]));
     }
   }
-  EXPECT_LT(worst_ratio, 4);
+  EXPECT_LT(worst_ratio, 2);
 }
 
 }  // namespace
