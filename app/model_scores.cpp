@@ -5,14 +5,13 @@
 #include <limits>
 #include <random>
 
-#include <Eigen/Geometry>
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
 #include "core/error.h"
 #include "model/contact_network.h"
-#include "model/shape_space.h"
 #include "model/surface_query.h"
+#include "model/train_person.h"
 #include "model/vertex_fit.h"
 
 namespace sole::app {
@@ -46,18 +45,6 @@ Specimen SpecimenOf(const SubjectRegistrations& r, std::size_t f, std::size_t su
   return s;
 }
 
-/// Rest pose, laid on the specimen rigidly.
-ModelParameters RigidStart(const FootModel& model, const Specimen& specimen) {
-  const Rigid3 motion =
-      model::AlignRigidly(model.coarse.template_m, specimen.coarse_m, specimen.seen);
-  ModelParameters start = RestParameters(model);
-  const Eigen::AngleAxisd turn(motion.rotation);
-  start.theta.row(0) = turn.angle() * turn.axis().transpose();
-  const Eigen::Vector3d root = model.derived.joints_m.row(0);
-  start.translation_m = motion * root - root;
-  return start;
-}
-
 double MeanSurfaceDistance(const FootModel& model, const ModelParameters& parameters,
                            const Specimen& specimen) {
   const Variant variant = model.HasFine() ? Variant::kFine : Variant::kCoarse;
@@ -74,7 +61,7 @@ double MeanSurfaceDistance(const FootModel& model, const ModelParameters& parame
 }
 
 SpecimenScore ScoreSpecimen(const FootModel& model, const Specimen& specimen, int betas) {
-  ModelParameters start = RigidStart(model, specimen);
+  ModelParameters start = model::RigidStart(model, specimen.coarse_m, specimen.seen);
   if (betas >= 0) start.beta = Eigen::VectorXd::Zero(std::min<Index>(betas, model.NumBetas()));
   start.contact = specimen.contact;
   model::VertexFitOptions options;

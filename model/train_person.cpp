@@ -152,8 +152,9 @@ FootModel PersonalModel(const FootModel& coarse, const Eigen::MatrixX3d& rest_m,
   return own;
 }
 
-ModelParameters RigidStart(const FootModel& foot, const Eigen::MatrixX3d& targets_m) {
-  const Rigid3 motion = AlignRigidly(foot.coarse.template_m, targets_m);
+ModelParameters RigidStart(const FootModel& foot, const Eigen::MatrixX3d& targets_m,
+                           const Eigen::VectorXd& weights) {
+  const Rigid3 motion = AlignRigidly(foot.coarse.template_m, targets_m, weights);
   ModelParameters start = RestParameters(foot);
   const Eigen::AngleAxisd turn(motion.rotation);
   start.theta.row(0) = turn.angle() * turn.axis().transpose();

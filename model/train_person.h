@@ -76,7 +76,8 @@ Eigen::MatrixX3d Unposed(const Eigen::MatrixX3d& posed_m, std::span<const Rigid3
 /// Values of the coarse vertices on the fine ones.
 Eigen::VectorXd OnFine(const FootModel& foot, const Eigen::VectorXd& coarse);
 
-/// Template laid on coarse vertices (N x 3) rigidly: the start of a fit.
-ModelParameters RigidStart(const FootModel& foot, const Eigen::MatrixX3d& targets_m);
+/// Template laid on coarse vertices (N x 3, weighted where weights are given) rigidly: the start of a fit.
+ModelParameters RigidStart(const FootModel& foot, const Eigen::MatrixX3d& targets_m,
+                           const Eigen::VectorXd& weights = {});
 
 }  // namespace sole::model
