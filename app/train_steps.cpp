@@ -149,10 +149,13 @@ double MeanDistance(const TrainContext& context, const std::string& poses) {
   return sum / count;
 }
 
-FootModel LearnSkinning(const TrainContext& context, const std::string& poses,
-                        const FootModel& foot, const Eigen::MatrixXd& prior) {
-  model::SkinningEvidence evidence =
-      model::NoSkinningEvidence(foot.fine.NumVertices(), foot.NumJoints());
+namespace {
+
+/// Every posed frame of the training subjects in order, with its subject's own model and how far each fine vertex is to
+/// be believed.
+template <class Visit>
+void VisitPosedFrames(const TrainContext& context, const std::string& poses, const FootModel& foot,
+                      const Visit& visit) {
   const FootModel coarse = model::CoarseOnly(foot);
   ForEachFile<Fitted>(
       context.files.train, FittedReader(context, poses, foot),
@@ -163,11 +166,26 @@ FootModel LearnSkinning(const TrainContext& context, const std::string& poses,
             model::PersonalModel(coarse, fitted.fit.rest_m, fitted.fit.joints_m);
         for (std::size_t f = 0; f < fitted.fit.poses.size(); ++f) {
           const model::TrainingFrame& frame = fitted.subject.frames[f];
-          AddEvidence(model::PosedSample{fitted.fit.rest_m, frame.vertices_m,
-                                         model::BoneMotions(personal, fitted.fit.poses[f])},
-                      model::OnFine(foot, frame.certainty.cwiseProduct(frame.free)), evidence);
+          visit(fitted, f, personal,
+                model::OnFine(foot, frame.certainty.cwiseProduct(frame.free)));
         }
       });
+}
+
+}  // namespace
+
+FootModel LearnSkinning(const TrainContext& context, const std::string& poses,
+                        const FootModel& foot, const Eigen::MatrixXd& prior) {
+  model::SkinningEvidence evidence =
+      model::NoSkinningEvidence(foot.fine.NumVertices(), foot.NumJoints());
+  VisitPosedFrames(context, poses, foot,
+                   [&](const Fitted& fitted, std::size_t f, const FootModel& personal,
+                       const Eigen::VectorXd& certainty) {
+                     AddEvidence(
+                         model::PosedSample{fitted.fit.rest_m, fitted.subject.frames[f].vertices_m,
+                                            model::BoneMotions(personal, fitted.fit.poses[f])},
+                         certainty, evidence);
+                   });
   FootModel learned = foot;
   learned.fine.weights = model::SolveSkinningWeights(evidence, prior, context.config.skinning);
   learned.coarse.weights = learned.fine.weights.topRows(foot.NumVertices());
@@ -181,23 +199,15 @@ FootModel LearnCorrectives(const TrainContext& context, const std::string& poses
   const Eigen::MatrixXd distances = model::RingDistances(foot);
   model::CorrectiveEvidence evidence =
       model::NoCorrectiveEvidence(distances, context.config.correctives);
-  const FootModel coarse = model::CoarseOnly(foot);
-  ForEachFile<Fitted>(
-      context.files.train, FittedReader(context, poses, foot),
-      [&](const fs::path&, Fitted& fitted) {
-        context.CheckStop();
-        if (fitted.fit.poses.empty()) return;
-        const FootModel personal =
-            model::PersonalModel(coarse, fitted.fit.rest_m, fitted.fit.joints_m);
-        for (std::size_t f = 0; f < fitted.fit.poses.size(); ++f) {
-          const model::TrainingFrame& frame = fitted.subject.frames[f];
-          const model::ModelParameters& pose = fitted.fit.poses[f];
-          AddEvidence(model::Unposed(frame.vertices_m, model::BoneMotions(personal, pose),
-                                     foot.fine.weights) -
-                          fitted.fit.rest_m,
-                      ConstrainedPoseFeatures(foot, pose.theta, {}),
-                      model::OnFine(foot, frame.certainty.cwiseProduct(frame.free)), evidence);
-        }
+  VisitPosedFrames(
+      context, poses, foot,
+      [&](const Fitted& fitted, std::size_t f, const FootModel& personal,
+          const Eigen::VectorXd& certainty) {
+        const model::ModelParameters& pose = fitted.fit.poses[f];
+        AddEvidence(model::Unposed(fitted.subject.frames[f].vertices_m,
+                                   model::BoneMotions(personal, pose), foot.fine.weights) -
+                        fitted.fit.rest_m,
+                    ConstrainedPoseFeatures(foot, pose.theta, {}), certainty, evidence);
       });
   const model::Correctives correctives = model::SolveCorrectives(
       evidence, distances, foot.NumVertices(), context.config.correctives);
