@@ -56,7 +56,7 @@ void MatchPair(const Rig& rig, int p, const FrameSet& frame, const recon::Captur
   recon::GridOptions grid;
   grid.step_px = StepFor(camera, kSpacing_m);
   const recon::GridMatches matches =
-      recon::MatchOnGrid(recon::Prepare(*left, true), recon::Prepare(*right, false), ImageU8(left->width, left->height, 255),
+      recon::MatchOnGrid(recon::Prepare(*left), recon::Prepare(*right), ImageU8(left->width, left->height, 255),
                          rectification, disparity, grid);
   recon::TriangulateOptions triangulate;
   triangulate.volume = volume;

@@ -8,7 +8,6 @@
 #include <cmath>
 #include <cstdint>
 #include <optional>
-#include <unordered_map>
 #include <utility>
 
 #include "core/error.h"
@@ -59,27 +58,34 @@ class Grid {
         subset_(subset),
         cols_((mask.width - 1) / options.step_px + 1),
         rows_((mask.height - 1) / options.step_px + 1),
-        nodes_(static_cast<std::size_t>(cols_) * static_cast<std::size_t>(rows_)) {
-    for (int i = 0; i < Count(); ++i) At(i).lit = mask.At(Pixel(i).x(), Pixel(i).y()) != 0;
+        node_at_(static_cast<std::size_t>(cols_) * static_cast<std::size_t>(rows_), -1) {
+    for (int y = 0; y < rows_; ++y) {
+      for (int x = 0; x < cols_; ++x) {
+        if (mask.At(x * options.step_px, y * options.step_px) == 0) continue;
+        node_at_[Place(x, y)] = static_cast<int>(nodes_.size());
+        nodes_.push_back({x, y});
+      }
+    }
+    matches_.resize(nodes_.size());
+    matched_.assign(nodes_.size(), 0);
   }
 
   /// First level: affine matches of every kFirstLevel-th node of every kFirstLevel-th row.
   void MatchFirstLevel(const StartFunction& start_of) {
     stride_ = kFirstLevel;
-    tbb::parallel_for(0, Count(), [&](int i) {
-      if (!OnLevel(i) || !At(i).lit || Matched(i)) return;
-      const auto start = start_of(Pixel(i));
-      if (start) Try(i, *start);
+    const std::vector<int> level = Unmatched();
+    tbb::parallel_for(std::size_t{0}, level.size(), [&](std::size_t k) {
+      const auto start = start_of(Pixel(level[k]));
+      if (start) Try(level[k], *start);
     });
-    for (int i = 0; i < Count(); ++i) At(i).grown = 0;
-    GrowAll();
+    Grow();
   }
 
-  /// Share of the first level's lit nodes that have a match.
+  /// Share of the first level's nodes that have a match.
   double MatchedShare() const {
     int lit = 0, matched = 0;
     for (int i = 0; i < Count(); ++i) {
-      if (!OnLevel(i) || !At(i).lit) continue;
+      if (!OnLevel(i)) continue;
       ++lit;
       matched += Matched(i) ? 1 : 0;
     }
@@ -91,77 +97,100 @@ class Grid {
   void MatchSecondLevel() {
     const std::vector<SubsetWarp> first = CurvedWarps();
     std::vector<SubsetMatch> matches(nodes_.size());
+    std::vector<char> matched(nodes_.size());
     tbb::parallel_for(0, Count(), [&](int i) {
-      if (!At(i).lit) return;
       const auto best = NearestOnLevel(i);
       for (const int from : best) {
         if (from < 0) break;
-        SubsetMatch match = MatchSubset(left_, right_, &mask_, Pixel(i),
-                                        Extrapolate(first[static_cast<std::size_t>(from)],
-                                                    Pixel(i) - Pixel(from)),
-                                        subset_);
+        const SubsetMatch match =
+            MatchSubset(left_, right_, &mask_, Pixel(i),
+                        Extrapolate(first[Index(from)], Pixel(i) - Pixel(from)), subset_);
         if (match.status != SubsetStatus::kMatched) continue;
-        matches[static_cast<std::size_t>(i)] = match;
+        matches[Index(i)] = match;
+        matched[Index(i)] = 1;
         break;
       }
     });
-    for (int i = 0; i < Count(); ++i) {
-      At(i).match = matches[static_cast<std::size_t>(i)];
-      At(i).grown = 0;
-    }
+    matches_ = std::move(matches);
+    matched_ = std::move(matched);
     stride_ = 1;
-    GrowAll();
+    Grow();
     if (options_.curvature_reach == 0) return;
-    for (Node& node : nodes_) node.match.covariance_px2 *= kCurvatureVarianceFactor;
+    for (SubsetMatch& match : matches_) match.covariance_px2 *= kCurvatureVarianceFactor;
   }
 
   GridMatches Collect() const {
     GridMatches result;
+    result.tried = Count();
     for (int i = 0; i < Count(); ++i) {
-      result.tried += At(i).lit ? 1 : 0;
-      if (Matched(i) && NeighboursAgree(i)) result.matches.push_back({Pixel(i), At(i).match});
+      if (Matched(i) && NeighboursAgree(i)) result.matches.push_back({Pixel(i), matches_[Index(i)]});
     }
     return result;
   }
 
  private:
+  /// A lit grid point by its column and row.
   struct Node {
-    bool lit = false;
-    int grown = 0;
-    SubsetMatch match;
+    int x, y;
   };
 
-  int Count() const { return cols_ * rows_; }
-  Node& At(int i) { return nodes_[static_cast<std::size_t>(i)]; }
-  const Node& At(int i) const { return nodes_[static_cast<std::size_t>(i)]; }
-  bool Matched(int i) const { return At(i).match.status == SubsetStatus::kMatched; }
+  static std::size_t Index(int i) { return static_cast<std::size_t>(i); }
+  std::size_t Place(int x, int y) const { return Index(y * cols_ + x); }
+  /// Number of the node there; -1 outside of the grid or where it is not lit.
+  int NodeAt(int x, int y) const {
+    return x < 0 || y < 0 || x >= cols_ || y >= rows_ ? -1 : node_at_[Place(x, y)];
+  }
+  int Count() const { return static_cast<int>(nodes_.size()); }
+  const SubsetWarp& Warp(int i) const { return matches_[Index(i)].warp; }
+  bool Matched(int i) const { return matched_[Index(i)] != 0; }
   Eigen::Vector2i Pixel(int i) const {
-    return {i % cols_ * options_.step_px, i / cols_ * options_.step_px};
+    return {nodes_[Index(i)].x * options_.step_px, nodes_[Index(i)].y * options_.step_px};
+  }
+  bool OnLevel(int i) const {
+    return nodes_[Index(i)].x % stride_ == 0 && nodes_[Index(i)].y % stride_ == 0;
   }
 
-  bool OnLevel(int i) const { return i % cols_ % stride_ == 0 && i / cols_ % stride_ == 0; }
+  /// Nodes of the level without a match.
+  std::vector<int> Unmatched() const {
+    std::vector<int> nodes;
+    for (int i = 0; i < Count(); ++i) {
+      if (OnLevel(i) && !Matched(i)) nodes.push_back(i);
+    }
+    return nodes;
+  }
 
   /// Grows from matched nodes of the level into their unmatched neighbours until nothing is left
-  /// to try.
-  void GrowAll() {
-    for (int round = 0; round < options_.max_rounds && Grow(); ++round) {
+  /// to try. A node gets two tries, from different neighbours.
+  void Grow() {
+    struct Open {
+      int node;
+      int from = -1;  ///< neighbour of the last try
+      int tries = 0;
+    };
+    std::vector<Open> open;
+    for (const int i : Unmatched()) open.push_back({i});
+    std::vector<std::size_t> starts;
+    for (int round = 0; round < options_.max_rounds; ++round) {
+      starts.clear();
+      for (std::size_t k = 0; k < open.size(); ++k) {
+        const int from = BestNeighbour(open[k].node);
+        if (from < 0 || from == open[k].from) continue;
+        open[k].from = from;
+        ++open[k].tries;
+        starts.push_back(k);
+      }
+      if (starts.empty()) return;
+      std::vector<SubsetMatch> found(starts.size());
+      tbb::parallel_for(std::size_t{0}, starts.size(), [&](std::size_t k) {
+        const Open& o = open[starts[k]];
+        found[k] = MatchSubset(left_, right_, &mask_, Pixel(o.node),
+                               Extrapolate(Warp(o.from), Pixel(o.node) - Pixel(o.from)), subset_);
+      });
+      for (std::size_t k = 0; k < starts.size(); ++k) {
+        if (found[k].status == SubsetStatus::kMatched) Set(open[starts[k]].node, found[k]);
+      }
+      std::erase_if(open, [&](const Open& o) { return o.tries >= 2 || Matched(o.node); });
     }
-  }
-
-  /// One round of growing; false when nothing was left to try.
-  bool Grow() {
-    std::vector<std::pair<int, SubsetWarp>> starts;
-    for (int i = 0; i < Count(); ++i) {
-      Node& node = At(i);
-      if (!OnLevel(i) || !node.lit || Matched(i) || node.grown >= 2) continue;
-      const int from = BestNeighbour(i);
-      if (from < 0) continue;
-      ++node.grown;
-      starts.emplace_back(i, Extrapolate(At(from).match.warp, Pixel(i) - Pixel(from)));
-    }
-    tbb::parallel_for(std::size_t{0}, starts.size(),
-                      [&](std::size_t k) { Try(starts[k].first, starts[k].second); });
-    return !starts.empty();
   }
 
   /// Warps of the level's matches, with curvature.
@@ -169,22 +198,22 @@ class Grid {
     std::vector<SubsetWarp> warps(nodes_.size());
     tbb::parallel_for(0, Count(), [&](int i) {
       if (!OnLevel(i) || !Matched(i)) return;
-      warps[static_cast<std::size_t>(i)] = At(i).match.warp;
-      if (options_.curvature_reach > 0)
-        warps[static_cast<std::size_t>(i)].curvature = CurvatureAround(i);
+      warps[Index(i)] = Warp(i);
+      if (options_.curvature_reach > 0) warps[Index(i)].curvature = CurvatureAround(i);
     });
     return warps;
   }
 
   /// The matched nodes of the first level around a node, nearest first, -1 where there is none.
   std::array<int, 4> NearestOnLevel(int i) const {
-    const int x = i % cols_, y = i / cols_;
+    const auto [x, y] = nodes_[Index(i)];
     std::array<std::pair<int, int>, 4> around;  // squared distance, node
     std::size_t count = 0;
     for (const int cy : {y / stride_ * stride_, (y + stride_ - 1) / stride_ * stride_}) {
       for (const int cx : {x / stride_ * stride_, (x + stride_ - 1) / stride_ * stride_}) {
-        if (cx >= cols_ || cy >= rows_ || !Matched(cy * cols_ + cx)) continue;
-        const std::pair<int, int> entry((cx - x) * (cx - x) + (cy - y) * (cy - y), cy * cols_ + cx);
+        const int node = NodeAt(cx, cy);
+        if (node < 0 || !Matched(node)) continue;
+        const std::pair<int, int> entry((cx - x) * (cx - x) + (cy - y) * (cy - y), node);
         if (std::find(around.begin(), around.begin() + count, entry) != around.begin() + count)
           continue;
         around[count++] = entry;
@@ -196,20 +225,24 @@ class Grid {
     return nodes;
   }
 
+  void Set(int i, const SubsetMatch& match) {
+    matches_[Index(i)] = match;
+    matched_[Index(i)] = 1;
+  }
   void Try(int i, const SubsetWarp& start) {
-    SubsetMatch match = MatchSubset(left_, right_, &mask_, Pixel(i), start, subset_);
-    if (match.status == SubsetStatus::kMatched) At(i).match = match;
+    const SubsetMatch match = MatchSubset(left_, right_, &mask_, Pixel(i), start, subset_);
+    if (match.status == SubsetStatus::kMatched) Set(i, match);
   }
 
-  /// Calls f(index) for the up to eight neighbours of node i on the level.
+  /// Calls f(node) for the matched ones of the up to eight neighbours of node i on the level.
   template <typename F>
   void ForNeighbours(int i, const F& f) const {
-    const int x = i % cols_, y = i / cols_;
+    const auto [x, y] = nodes_[Index(i)];
     for (int dy = -stride_; dy <= stride_; dy += stride_) {
       for (int dx = -stride_; dx <= stride_; dx += stride_) {
-        if ((dx == 0 && dy == 0) || x + dx < 0 || y + dy < 0 || x + dx >= cols_ || y + dy >= rows_)
-          continue;
-        f(i + dy * cols_ + dx);
+        if (dx == 0 && dy == 0) continue;
+        const int j = NodeAt(x + dx, y + dy);
+        if (j >= 0 && Matched(j)) f(j);
       }
     }
   }
@@ -217,7 +250,7 @@ class Grid {
   int BestNeighbour(int i) const {
     int best = -1;
     ForNeighbours(i, [&](int j) {
-      if (Matched(j) && (best < 0 || At(j).match.zncc > At(best).match.zncc)) best = j;
+      if (best < 0 || matches_[Index(j)].zncc > matches_[Index(best)].zncc) best = j;
     });
     return best;
   }
@@ -236,17 +269,17 @@ class Grid {
   /// agree.
   Eigen::Matrix<double, 2, 3> CurvatureAround(int i) const {
     const int reach = std::max(1, options_.curvature_reach / stride_) * stride_;
-    const int cx = i % cols_, cy = i / cols_;
+    const auto [cx, cy] = nodes_[Index(i)];
     Eigen::Matrix2d moments = Eigen::Matrix2d::Zero();
     std::array<Eigen::Matrix2d, 2> slopes{Eigen::Matrix2d::Zero(), Eigen::Matrix2d::Zero()};
     int count = 0;
     for (int y = cy - reach; y <= cy + reach; y += stride_) {
       for (int x = cx - reach; x <= cx + reach; x += stride_) {
-        const int j = y * cols_ + x;
-        if (x < 0 || y < 0 || x >= cols_ || y >= rows_ || j == i || !Matched(j)) continue;
+        const int j = NodeAt(x, y);
+        if (j < 0 || j == i || !Matched(j)) continue;
         const Eigen::Vector2d d = (Pixel(j) - Pixel(i)).cast<double>();
-        const SubsetWarp& other = At(j).match.warp;
-        const SubsetWarp& own = At(i).match.warp;
+        const SubsetWarp& other = Warp(j);
+        const SubsetWarp& own = Warp(i);
         // The trapezoid rule is exact for a quadratic warp; a match on another surface fails it.
         const Eigen::Vector2d expected =
             own.position_px + 0.5 * (own.gradient + other.gradient) * d;
@@ -275,10 +308,9 @@ class Grid {
   bool NeighboursAgree(int i) const {
     int matched = 0, agreeing = 0;
     ForNeighbours(i, [&](int j) {
-      if (!Matched(j)) return;
       ++matched;
       const Eigen::Vector2d off =
-          At(j).match.warp.position_px - At(i).match.warp((Pixel(j) - Pixel(i)).cast<double>());
+          Warp(j).position_px - Warp(i)((Pixel(j) - Pixel(i)).cast<double>());
       agreeing += off.norm() < options_.agreement_px ? 1 : 0;
     });
     return agreeing >= options_.min_agreeing && 2 * agreeing >= matched;
@@ -290,8 +322,11 @@ class Grid {
   const GridOptions& options_;
   const SubsetOptions& subset_;
   int cols_, rows_;
-  int stride_ = 1;  ///< nodes between those of the level that is being matched
-  std::vector<Node> nodes_;
+  int stride_ = 1;  ///< grid points between those of the level that is being matched
+  std::vector<int> node_at_;
+  std::vector<Node> nodes_;  ///< row by row
+  std::vector<SubsetMatch> matches_;
+  std::vector<char> matched_;
 };
 
 }  // namespace
@@ -337,11 +372,15 @@ StartFunction StartsFromMatches(std::span<const PixelMatch> matches) {
   const auto key = [](const Eigen::Vector2i& px) {
     return static_cast<std::uint64_t>(px.y()) << 32 | static_cast<std::uint32_t>(px.x());
   };
-  std::unordered_map<std::uint64_t, const PixelMatch*> by_pixel;
-  for (const PixelMatch& match : matches) by_pixel.emplace(key(match.left_px), &match);
-  return [by_pixel = std::move(by_pixel), key](const Eigen::Vector2i& px) -> std::optional<SubsetWarp> {
-    const auto found = by_pixel.find(key(px));
-    if (found == by_pixel.end()) return {};
+  using Entry = std::pair<std::uint64_t, const PixelMatch*>;
+  std::vector<Entry> by_pixel;
+  by_pixel.reserve(matches.size());
+  for (const PixelMatch& match : matches) by_pixel.emplace_back(key(match.left_px), &match);
+  std::ranges::sort(by_pixel, {}, &Entry::first);
+  return [by_pixel = std::move(by_pixel),
+          key](const Eigen::Vector2i& px) -> std::optional<SubsetWarp> {
+    const auto found = std::ranges::lower_bound(by_pixel, key(px), {}, &Entry::first);
+    if (found == by_pixel.end() || found->first != key(px)) return {};
     return found->second->match.warp;
   };
 }

@@ -174,7 +174,7 @@ DisparityMap MatchRectified(const ImageF& left, const ImageF& right,
   const ImageF start = SemiGlobalDisparity(Rounded(left), Rounded(right), options.min_disparity,
                                            disparities, options.semi_global);
   std::vector<PixelMatch> matches =
-      MatchOnGrid(Prepare(left, true), Prepare(right, false), ImageU8(left.width, left.height, 255),
+      MatchOnGrid(Prepare(left), Prepare(right), ImageU8(left.width, left.height, 255),
                   StartsFromDisparity(start, grid.plane_radius_px), grid, subset)
           .matches;
   std::erase_if(matches, [&](const PixelMatch& m) {
@@ -210,7 +210,7 @@ std::vector<PointMatch> MatchPoints(const ImageF& left, const ImageF& right, con
   const Rectification rectification = Rectify(rig, names);
   const ImageF start =
       InitialDisparity(Rounded(left), Rounded(right), rectification, options.semi_global);
-  const PreparedImage prepared_left = Prepare(left, true), prepared_right = Prepare(right, false);
+  const PreparedImage prepared_left = Prepare(left), prepared_right = Prepare(right);
   const ImageU8 everywhere(left.width, left.height, 255);
   const GridMatches grid = MatchOnGrid(prepared_left, prepared_right, everywhere, rectification,
                                        start, GridFor(kStep), subset);

@@ -46,7 +46,7 @@ struct Side {
   std::string problem;
 };
 
-Side PrepareSide(const Camera& camera, const std::optional<ImageU8>& image, bool is_left,
+Side PrepareSide(const Camera& camera, const std::optional<ImageU8>& image,
                  const ForegroundOptions& options) {
   Side side;
   if (!image) {
@@ -58,7 +58,7 @@ Side PrepareSide(const Camera& camera, const std::optional<ImageU8>& image, bool
     side.problem = "image of camera " + camera.serial + " is " + side.foreground.problem;
     return side;
   }
-  side.prepared = Prepare(*image, is_left);
+  side.prepared = Prepare(*image, &side.foreground.mask);
   return side;
 }
 
@@ -126,9 +126,9 @@ PairStats Reconstructor::State::MatchPair(std::size_t pair, const FrameSet& fram
     return stats;
   }
   const Side left_side =
-      PrepareSide(rig.cameras[left], frame.images[left], true, options.foreground);
+      PrepareSide(rig.cameras[left], frame.images[left], options.foreground);
   const Side right_side =
-      PrepareSide(rig.cameras[right], frame.images[right], false, options.foreground);
+      PrepareSide(rig.cameras[right], frame.images[right], options.foreground);
   stats.skipped = left_side.problem.empty() ? right_side.problem : left_side.problem;
   if (!stats.skipped.empty()) return stats;
   const FrameSeeds::Pair* before =

@@ -3,21 +3,9 @@
 #include <Eigen/Core>
 
 #include "core/image.h"
+#include "recon/prepared_image.h"
 
 namespace sole::recon {
-
-/// An image ready for subset matching: cubic B-spline coefficients, so that grey levels can be read
-/// between pixels, and (for the reference image of a pair) grey levels and gradients at the pixels.
-struct PreparedImage {
-  ImageF coefficients;
-  ImageF grey, gradient_x, gradient_y;  ///< empty unless asked for
-};
-PreparedImage Prepare(const ImageU8& image, bool with_gradients);
-/// The same for grey levels of any depth, scaled to 0 to 255.
-PreparedImage Prepare(ImageF grey, bool with_gradients);
-
-/// Grey level at a position by cubic B-spline; NaN within 2 pixels of the border.
-double GreyAt(const PreparedImage& image, const Eigen::Vector2d& position_px);
 
 /// Map of a neighbourhood: left offset d from the subset's centre lies at
 /// position_px + gradient * d + curvature * (d_x d_x / 2, d_x d_y, d_y d_y / 2) in the right image.
@@ -58,8 +46,7 @@ struct SubsetMatch {
 /// Gauss-Newton on the zero-mean normalised sum of squared differences (Baker and Matthews 2004;
 /// Pan, Li and Tong 2013) over an affine warp, grey levels by cubic B-spline. The start's curvature
 /// is kept as it is. The covariance is that of least squares with the residual's own variance. Only
-/// left pixels with a non-zero `mask` take part (same size as the image; null: all). `left` needs
-/// gradients.
+/// left pixels with a non-zero `mask` take part (same size as the image; null: all).
 SubsetMatch MatchSubset(const PreparedImage& left, const PreparedImage& right, const ImageU8* mask,
                         const Eigen::Vector2i& centre, const SubsetWarp& start,
                         const SubsetOptions& options = {});

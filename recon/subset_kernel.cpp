@@ -5,42 +5,77 @@
 
 namespace sole::recon {
 
-void FillWindow(const ImageF& grey, const ImageF& gradient_x, const ImageF& gradient_y,
-                const ImageU8* mask, int x, int y, int radius, SubsetWindow& window) {
+namespace {
+
+/// 1 where four mask values are not 0.
+Float4 MaskWeights(const std::uint8_t* mask) {
+  using Bytes4 = std::uint8_t __attribute__((vector_size(4)));
+  using Int4 = std::int32_t __attribute__((vector_size(16)));
+  Bytes4 bytes;
+  std::memcpy(&bytes, mask, sizeof bytes);
+  const Int4 in = __builtin_convertvector(bytes, Int4) != 0;
+  return __builtin_convertvector(-in, Float4);
+}
+
+}  // namespace
+
+void FillWindow(const ImageF& coefficients, const ImageU8* mask, int x, int y, int radius,
+                SubsetWindow& window) {
   window.radius = radius;
   window.stride = (2 * radius + 1 + 7) / 8 * 8;
   const int size = window.Rows();
+  alignas(16) std::array<float, kMaxStride> column{};  // 1 in the window, 0 in the padding
   for (int i = 0; i < window.stride; ++i) {
-    window.offset[static_cast<std::size_t>(i)] = i < size ? static_cast<float>(i - radius) : 0.0F;
+    const auto k = static_cast<std::size_t>(i);
+    window.offset[k] = i < size ? static_cast<float>(i - radius) : 0.0F;
+    column[k] = i < size ? 1.0F : 0.0F;
   }
-  float sum = 0, count = 0;
+  // The padding is read too. That passes the end of an image's row, not of the image: another row
+  // follows the window's.
+  const auto width = static_cast<std::size_t>(coefficients.width);
+  const std::size_t corner =
+      static_cast<std::size_t>(y - radius) * width + static_cast<std::size_t>(x - radius);
+  constexpr float kGrey = 1.0F / 36, kSlope = 1.0F / 12;
+  Float4 sum{}, count{};
   for (int j = 0; j < size; ++j) {
-    const auto at = static_cast<std::size_t>(j * window.stride);
-    for (int i = 0; i < window.stride; ++i) {
-      const std::size_t k = at + static_cast<std::size_t>(i);
-      const bool in = i < size && (!mask || mask->At(x - radius + i, y - radius + j) != 0);
-      window.weight[k] = in ? 1.0F : 0.0F;
-      window.grey[k] = in ? grey.At(x - radius + i, y - radius + j) : 0.0F;
-      window.gradient_x[k] = in ? gradient_x.At(x - radius + i, y - radius + j) : 0.0F;
-      window.gradient_y[k] = in ? gradient_y.At(x - radius + i, y - radius + j) : 0.0F;
-      sum += window.grey[k];
-      count += window.weight[k];
+    const std::size_t row = corner + static_cast<std::size_t>(j) * width;
+    for (int i = 0; i < window.stride; i += 4) {
+      const auto to = static_cast<std::size_t>(j * window.stride + i);
+      const std::size_t from = row + static_cast<std::size_t>(i);
+      Float4 weight = Load4(&column[static_cast<std::size_t>(i)]);
+      if (mask) weight *= MaskWeights(&mask->pixels[from]);
+      // Of the columns left, here and right: the spline's value and slope down them.
+      std::array<Float4, 3> value, slope;
+      for (std::size_t k = 0; k < 3; ++k) {
+        const float* at = &coefficients.pixels[from + k - 1];
+        const Float4 above = Load4(at - width), below = Load4(at + width);
+        value[k] = above + 4 * Load4(at) + below;
+        slope[k] = below - above;
+      }
+      const Float4 grey = (kGrey * weight) * (value[0] + 4 * value[1] + value[2]);
+      Store4(&window.weight[to], weight);
+      Store4(&window.grey[to], grey);
+      Store4(&window.gradient_x[to], (kSlope * weight) * (value[2] - value[0]));
+      Store4(&window.gradient_y[to], (kSlope * weight) * (slope[0] + 4 * slope[1] + slope[2]));
+      sum += grey;
+      count += weight;
     }
   }
-  window.count = count;
-  const float mean = sum / std::max(count, 1.0F);
-  float squares = 0;
-  for (int k = 0; k < size * window.stride; ++k) {
+  window.count = Sum4(count);
+  const float mean = Sum4(sum) / std::max(window.count, 1.0F);
+  Float4 squares{};
+  for (int k = 0; k < size * window.stride; k += 4) {
     const auto i = static_cast<std::size_t>(k);
-    window.grey[i] = (window.grey[i] - mean) * window.weight[i];
-    squares += window.grey[i] * window.grey[i];
+    const Float4 value = Load4(&window.grey[i]) - mean * Load4(&window.weight[i]);
+    Store4(&window.grey[i], value);
+    squares += value * value;
   }
-  window.norm = std::sqrt(squares);
+  window.norm = std::sqrt(Sum4(squares));
 }
 
 std::array<double, 36> NormalMatrix(const SubsetWindow& window) {
   // Sums of {gx gx, gx gy, gy gy} times {1, x, y, x x, x y, y y}.
-  std::array<std::array<double, 6>, 3> sums{};
+  std::array<std::array<Float4, 6>, 3> sums{};
   for (int j = 0; j < window.Rows(); ++j) {
     std::array<std::array<Float4, 3>, 3> row{};
     for (int i = 0; i < window.stride; i += 4) {
@@ -54,24 +89,25 @@ std::array<double, 36> NormalMatrix(const SubsetWindow& window) {
         row[p][2] += product[p] * x * x;
       }
     }
-    const double y = j - window.radius;
+    const auto y = static_cast<float>(j - window.radius);
     for (std::size_t p = 0; p < 3; ++p) {
-      const double one = static_cast<double>(Sum4(row[p][0])),
-                   x = static_cast<double>(Sum4(row[p][1]));
-      sums[p][0] += one;
-      sums[p][1] += x;
-      sums[p][2] += one * y;
-      sums[p][3] += static_cast<double>(Sum4(row[p][2]));
-      sums[p][4] += x * y;
-      sums[p][5] += one * y * y;
+      sums[p][0] += row[p][0];
+      sums[p][1] += row[p][1];
+      sums[p][2] += row[p][0] * y;
+      sums[p][3] += row[p][2];
+      sums[p][4] += row[p][1] * y;
+      sums[p][5] += row[p][0] * (y * y);
     }
   }
   constexpr std::array<std::array<std::size_t, 3>, 3> kMoment{{{0, 1, 2}, {1, 3, 4}, {2, 4, 5}}};
+  std::array<std::array<double, 6>, 3> total{};
+  for (std::size_t p = 0; p < 3; ++p) {
+    for (std::size_t m = 0; m < 6; ++m) total[p][m] = static_cast<double>(Sum4(sums[p][m]));
+  }
   std::array<double, 36> matrix{};
   for (std::size_t a = 0; a < 6; ++a) {
-    for (std::size_t b = 0; b < 6; ++b) {
-      matrix[a * 6 + b] = sums[a / 3 + b / 3][kMoment[a % 3][b % 3]];
-    }
+    for (std::size_t b = 0; b < 6; ++b)
+      matrix[a * 6 + b] = total[a / 3 + b / 3][kMoment[a % 3][b % 3]];
   }
   return matrix;
 }

@@ -65,9 +65,14 @@ struct SubsetWindow {
   int Rows() const { return 2 * radius + 1; }
 };
 
-/// Fills `window`; the caller guarantees that it lies inside the image.
-void FillWindow(const ImageF& grey, const ImageF& gradient_x, const ImageF& gradient_y,
-                const ImageU8* mask, int x, int y, int radius, SubsetWindow& window);
+/// Whether a window leaves enough of a border for FillWindow.
+inline bool WindowInside(const ImageF& coefficients, int x, int y, int radius) {
+  return x - radius >= 1 && y - radius >= 1 && x + radius < coefficients.width - 1 &&
+         y + radius < coefficients.height - 2;
+}
+/// Fills `window` with grey levels and gradients of the spline; WindowInside must hold.
+void FillWindow(const ImageF& coefficients, const ImageU8* mask, int x, int y, int radius,
+                SubsetWindow& window);
 
 /// Gauss-Newton matrix of the six affine parameters (u, u_x, u_y, v, v_x, v_y), row-major.
 std::array<double, 36> NormalMatrix(const SubsetWindow& window);

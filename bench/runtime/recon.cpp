@@ -34,8 +34,8 @@ struct Scene {
       frame.images.emplace_back(testing_support::RenderSpeckle(
           camera, rig.plate, foot, {.seed = frame.images.size() + 1}));
     }
-    left = Prepare(Left(), true);
-    right = Prepare(Right(), false);
+    left = Prepare(Left());
+    right = Prepare(Right());
     mask = FindForeground(Left()).mask;
     disparity = InitialDisparity(Left(), Right(), rectification);
     matches = MatchOnGrid(left, right, mask, rectification, disparity, grid);
@@ -45,7 +45,7 @@ struct Scene {
     const ImageU8& a = *frame.images[static_cast<std::size_t>(names.left)];
     const ImageU8& b = *frame.images[static_cast<std::size_t>(names.right)];
     const Rectification r = Rectify(rig, names);
-    const GridMatches found = MatchOnGrid(Prepare(a, true), Prepare(b, false),
+    const GridMatches found = MatchOnGrid(Prepare(a), Prepare(b),
                                           FindForeground(a).mask, r, InitialDisparity(a, b, r), grid);
     return Triangulate(rig, pair, found.matches, a).points;
   }
@@ -91,8 +91,7 @@ void CompareWindow(benchmark::State& state) {
   }
   const PixelMatch& known = scene.matches.matches[scene.matches.matches.size() / 2];
   static SubsetWindow window;
-  FillWindow(scene.left.grey, scene.left.gradient_x, scene.left.gradient_y, &scene.mask,
-             known.left_px.x(), known.left_px.y(), 6, window);
+  FillWindow(scene.left.coefficients, &scene.mask, known.left_px.x(), known.left_px.y(), 6, window);
   WarpPolynomial warp{};
   for (int axis = 0; axis < 2; ++axis) {
     warp[static_cast<std::size_t>(axis)] = {known.match.warp.position_px[axis],
@@ -107,7 +106,7 @@ void CompareWindow(benchmark::State& state) {
 BENCHMARK(CompareWindow)->Arg(0)->Arg(1)->Unit(benchmark::kNanosecond);
 
 void PrepareImage(benchmark::State& state) {
-  for (auto _ : state) benchmark::DoNotOptimize(Prepare(TheScene().Left(), true));
+  for (auto _ : state) benchmark::DoNotOptimize(Prepare(TheScene().Left()));
 }
 BENCHMARK(PrepareImage)->Unit(benchmark::kMillisecond)->MeasureProcessCPUTime()->UseRealTime();
 

@@ -20,7 +20,7 @@ ImageF Noise(int width, int height, unsigned seed) {
 
 TEST(Compare, WideVectorsGiveWhatTheBaselineGives) {
   if (!HasAvx2()) GTEST_SKIP() << "this processor has no AVX2";
-  const PreparedImage left = Prepare(Noise(120, 100, 1), true), right = Prepare(Noise(140, 90, 2), false);
+  const PreparedImage left = Prepare(Noise(120, 100, 1)), right = Prepare(Noise(140, 90, 2));
   ImageU8 mask(120, 100, 255);
   for (int y = 0; y < 100; ++y)
     for (int x = 0; x < 50; ++x) mask.At(x, y) = (x + y) % 7 == 0 ? 0 : 255;
@@ -29,7 +29,7 @@ TEST(Compare, WideVectorsGiveWhatTheBaselineGives) {
   const auto window = std::make_unique<SubsetWindow>();
   for (int trial = 0; trial < 200; ++trial) {
     const int radius = 2 + trial % 14;
-    FillWindow(left.grey, left.gradient_x, left.gradient_y, trial % 2 ? &mask : nullptr,
+    FillWindow(left.coefficients, trial % 2 ? &mask : nullptr,
                50 + trial % 9, 40 + trial % 5, radius, *window);
     WarpPolynomial warp{};
     warp[0] = {70 + 20 * unit(random), 1 + 0.2 * unit(random), 0.2 * unit(random),
@@ -51,9 +51,9 @@ TEST(Compare, WideVectorsGiveWhatTheBaselineGives) {
 TEST(Compare, ReadsTheSplineBetweenPixels) {
   // A window of ones at zero mean is no use, but its neighbour's grey levels can be told apart.
   const ImageF noise = Noise(60, 60, 5);
-  const PreparedImage left = Prepare(noise, true), right = Prepare(noise, false);
+  const PreparedImage left = Prepare(noise), right = Prepare(noise);
   const auto window = std::make_unique<SubsetWindow>();
-  FillWindow(left.grey, left.gradient_x, left.gradient_y, nullptr, 30, 30, 6, *window);
+  FillWindow(left.coefficients, nullptr, 30, 30, 6, *window);
   WarpPolynomial warp{};
   warp[0] = {30, 1, 0, 0, 0, 0};
   warp[1] = {30, 0, 1, 0, 0, 0};

@@ -50,11 +50,10 @@ Accuracy MatchKnownWarp(const Vector2d& shift, const Matrix2d& gradient, double 
   constexpr int kSize = 200;
   const Matrix2d inverse = gradient.inverse();
   const auto same = [](const Vector2d& p) { return p; };
-  const auto left = Prepare(PaintSpeckle(kSize, noise, 1, same), true);
+  const auto left = Prepare(PaintSpeckle(kSize, noise, 1, same));
   const auto right =
       Prepare(PaintSpeckle(kSize, noise, 2,
-                           [&](const Vector2d& p) { return Vector2d(inverse * (p - shift)); }),
-              false);
+                           [&](const Vector2d& p) { return Vector2d(inverse * (p - shift)); }));
   Accuracy result;
   double squares = 0, normalized = 0;
   for (int y = 40; y <= 160; y += 10) {
@@ -99,7 +98,7 @@ TEST(MatchSubset, CovarianceTellsTheError) {
 }
 
 TEST(MatchSubset, FlatWindowIsRefused) {
-  const auto flat = Prepare(ImageU8(80, 80, 100), true);
+  const auto flat = Prepare(ImageU8(80, 80, 100));
   const SubsetMatch match =
       MatchSubset(flat, flat, nullptr, {40, 40}, {{40, 40}, Matrix2d::Identity()});
   EXPECT_EQ(match.status, SubsetStatus::kFlat);
@@ -110,14 +109,14 @@ TEST(MatchSubset, EdgeWithoutSecondDirectionIsRefused) {
   for (int y = 0; y < 80; ++y) {
     for (int x = 40; x < 80; ++x) edge.At(x, y) = 200;
   }
-  const auto prepared = Prepare(edge, true);
+  const auto prepared = Prepare(edge);
   const SubsetMatch match =
       MatchSubset(prepared, prepared, nullptr, {40, 40}, {{40, 40}, Matrix2d::Identity()});
   EXPECT_NE(match.status, SubsetStatus::kMatched);
 }
 
 TEST(MatchSubset, WindowOutsideTheImageIsRefused) {
-  const auto image = Prepare(PaintSpeckle(80, 0, 1, [](const Vector2d& p) { return p; }), true);
+  const auto image = Prepare(PaintSpeckle(80, 0, 1, [](const Vector2d& p) { return p; }));
   const auto at = [&](int x, int y, double right_x, double right_y) {
     return MatchSubset(image, image, nullptr, {x, y}, {{right_x, right_y}, Matrix2d::Identity()})
         .status;
@@ -130,10 +129,9 @@ TEST(MatchSubset, WindowOutsideTheImageIsRefused) {
 }
 
 TEST(MatchSubset, UnrelatedTextureIsRefused) {
-  const auto left = Prepare(PaintSpeckle(120, 1, 1, [](const Vector2d& p) { return p; }), true);
+  const auto left = Prepare(PaintSpeckle(120, 1, 1, [](const Vector2d& p) { return p; }));
   const auto right = Prepare(
-      PaintSpeckle(120, 1, 2, [](const Vector2d& p) { return Vector2d(p.x() + 5000, p.y()); }),
-      false);
+      PaintSpeckle(120, 1, 2, [](const Vector2d& p) { return Vector2d(p.x() + 5000, p.y()); }));
   int matched = 0;
   for (int y = 30; y < 90; y += 6) {
     for (int x = 30; x < 90; x += 6) {
@@ -163,7 +161,7 @@ TEST(MatchSubset, MaskKeepsTheBackgroundOut) {
   for (int y = 0; y < size; ++y) {
     for (int x = 0; x < edge; ++x) mask.At(x, y) = 255;
   }
-  const auto left = Prepare(foreground(0), true), right = Prepare(foreground(6), false);
+  const auto left = Prepare(foreground(0)), right = Prepare(foreground(6));
   double squares = 0;
   int matched = 0;
   for (int y = 30; y < 130; y += 5) {
@@ -177,41 +175,109 @@ TEST(MatchSubset, MaskKeepsTheBackgroundOut) {
   EXPECT_LT(std::sqrt(squares / matched), 0.03);
 }
 
-TEST(Prepare, SplineInterpolatesAndGradientsAreItsDerivatives) {
+TEST(Prepare, SplineInterpolates) {
   const ImageU8 image = PaintSpeckle(64, 3, 5, [](const Vector2d& p) { return p; });
-  const PreparedImage prepared = Prepare(image, true);
+  const PreparedImage prepared = Prepare(image);
   for (int y = 3; y < 60; y += 3) {
-    for (int x = 3; x < 60; x += 3) {
+    for (int x = 3; x < 60; x += 3)
       EXPECT_NEAR(GreyAt(prepared, Vector2d(x, y)), image.At(x, y), 1e-3);
+  }
+  EXPECT_THROW(Prepare(ImageU8(8, 8)), Error);
+}
+
+TEST(Prepare, MaskLimitsTheWorkAndChangesNothingNearIt) {
+  const ImageU8 image = PaintSpeckle(300, 3, 5, [](const Vector2d& p) { return p; });
+  ImageU8 mask(300, 300);
+  mask.At(150, 130) = mask.At(170, 160) = mask.At(3, 290) = 255;
+  const PreparedImage whole = Prepare(image), part = Prepare(image, &mask);
+  const auto near = [&](int x, int y) {
+    return GreyAt(part, Vector2d(x + 0.4, y + 0.3)) - GreyAt(whole, Vector2d(x + 0.4, y + 0.3));
+  };
+  for (const auto& [cx, cy] : {std::pair(150, 130), {170, 160}}) {
+    for (int y = cy - 24; y <= cy + 24; ++y) {
+      for (int x = cx - 24; x <= cx + 24; ++x) ASSERT_NEAR(near(x, y), 0, 2e-2) << x << " " << y;
+    }
+  }
+  for (int y = 140; y < 150; ++y) EXPECT_NEAR(near(155, y), 0, 1e-4);
+  for (int x = 2; x < 27; ++x) EXPECT_NEAR(near(x, 280), 0, 2e-2);
+  EXPECT_EQ(GreyAt(part, {250.5, 40.5}), 0);
+  EXPECT_THROW(Prepare(image, &(mask = ImageU8(40, 40))), Error);
+}
+
+TEST(FillWindow, HoldsGreyLevelsAndDerivativesOfTheSpline) {
+  const ImageU8 image = PaintSpeckle(64, 3, 5, [](const Vector2d& p) { return p; });
+  const PreparedImage prepared = Prepare(image);
+  ImageU8 mask(64, 64, 255);
+  mask.At(33, 25) = 0;
+  SubsetWindow window;
+  FillWindow(prepared.coefficients, &mask, 30, 28, 5, window);
+  EXPECT_EQ(window.count, 120);
+  double mean = 0, sum = 0;
+  for (int dy = -5; dy <= 5; ++dy) {
+    for (int dx = -5; dx <= 5; ++dx) mean += mask.At(30 + dx, 28 + dy) ? image.At(30 + dx, 28 + dy) / 120.0 : 0;
+  }
+  for (int j = 0; j < 11; ++j) {
+    for (int i = 0; i < window.stride; ++i) {
+      const auto k = static_cast<std::size_t>(j * window.stride + i);
+      const Vector2d at(25 + i, 23 + j);
+      if (i >= 11 || (at.x() == 33 && at.y() == 25)) {
+        EXPECT_EQ(window.weight[k], 0);
+        EXPECT_EQ(window.grey[k], 0);
+        EXPECT_EQ(window.gradient_x[k], 0);
+        EXPECT_EQ(window.gradient_y[k], 0);
+        continue;
+      }
+      EXPECT_EQ(window.weight[k], 1);
+      EXPECT_NEAR(static_cast<double>(window.grey[k]), GreyAt(prepared, at) - mean, 1e-2);
       Eigen::MatrixXd jacobian(1, 2);
-      jacobian << static_cast<double>(prepared.gradient_x.At(x, y)),
-          static_cast<double>(prepared.gradient_y.At(x, y));
+      jacobian << static_cast<double>(window.gradient_x[k]),
+          static_cast<double>(window.gradient_y[k]);
       testing_support::ExpectJacobianNear(
           [&](const Eigen::VectorXd& p) {
             return Eigen::VectorXd::Constant(1, GreyAt(prepared, p.head<2>()));
           },
-          Vector2d(x, y), jacobian, 2e-3, 1.0 / 64);
+          at, jacobian, 2e-3, 1.0 / 64);
+      sum += std::pow(static_cast<double>(window.grey[k]), 2);
     }
   }
-  EXPECT_THROW(Prepare(ImageU8(8, 8), false), Error);
+  EXPECT_NEAR(static_cast<double>(window.norm), std::sqrt(sum), 1e-3);
+}
+
+TEST(FillWindow, ReadsNothingBeyondTheImage) {
+  // The last window that is let in, in an image whose pixels end with it (the address sanitizer sees
+  // what lies beyond).
+  const PreparedImage prepared =
+      Prepare(PaintSpeckle(40, 3, 5, [](const Vector2d& p) { return p; }));
+  ImageU8 mask(40, 40, 255);
+  SubsetWindow window;
+  int in = 0;
+  for (int r = 2; r <= kMaxRadius; ++r) {
+    for (int at = 30; at < 40; ++at) {
+      if (!WindowInside(prepared.coefficients, at, at, r)) continue;
+      ++in;
+      FillWindow(prepared.coefficients, &mask, at, at, r, window);
+      EXPECT_EQ(window.count, (2 * r + 1) * (2 * r + 1));
+    }
+  }
+  EXPECT_GT(in, 20);
+  EXPECT_FALSE(WindowInside(prepared.coefficients, 20, 36, 2));
+  EXPECT_TRUE(WindowInside(prepared.coefficients, 20, 35, 2));
+  EXPECT_FALSE(WindowInside(prepared.coefficients, 2, 20, 2));
 }
 
 TEST(NormalMatrix, EqualsBruteForce) {
   std::mt19937_64 engine(7);
   std::uniform_real_distribution<float> uniform(-20, 20);
-  ImageF grey(40, 40), gx(40, 40), gy(40, 40);
-  for (std::size_t i = 0; i < grey.pixels.size(); ++i) {
-    grey.pixels[i] = uniform(engine);
-    gx.pixels[i] = uniform(engine);
-    gy.pixels[i] = uniform(engine);
-  }
+  ImageF coefficients(40, 40);
+  for (float& c : coefficients.pixels) c = uniform(engine);
   SubsetWindow window;
-  FillWindow(grey, gx, gy, nullptr, 20, 19, 7, window);
+  FillWindow(coefficients, nullptr, 20, 19, 7, window);
   Eigen::Matrix<double, 6, 6> expected = Eigen::Matrix<double, 6, 6>::Zero();
   for (int dy = -7; dy <= 7; ++dy) {
     for (int dx = -7; dx <= 7; ++dx) {
-      const auto u = static_cast<double>(gx.At(20 + dx, 19 + dy)),
-                 v = static_cast<double>(gy.At(20 + dx, 19 + dy));
+      const auto k = static_cast<std::size_t>((dy + 7) * window.stride + dx + 7);
+      const auto u = static_cast<double>(window.gradient_x[k]),
+                 v = static_cast<double>(window.gradient_y[k]);
       Eigen::Matrix<double, 6, 1> j;
       j << u, u * dx, u * dy, v, v * dx, v * dy;
       expected += j * j.transpose();
