@@ -1,8 +1,7 @@
 #include "recon/fuse.h"
 
-#include <pcl/kdtree/kdtree_flann.h>
-#include <pcl/point_types.h>
 #include <tbb/parallel_for.h>
+#include <tbb/parallel_sort.h>
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -11,6 +10,7 @@
 #include <numeric>
 
 #include "core/error.h"
+#include "recon/nearest_internal.h"
 #include "recon/pair_offsets.h"
 
 namespace sole::recon {
@@ -97,7 +97,7 @@ VoxelMeans MergeWithinPairs(std::span<const PairPoint> points, const FuseOptions
                     [&](std::size_t i) { keys[i] = VoxelKey(points[i].point_m, options.voxel_m); });
   std::vector<std::uint32_t> order(points.size());
   std::iota(order.begin(), order.end(), 0U);
-  std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
+  tbb::parallel_sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
     if (keys[a] != keys[b]) return keys[a] < keys[b];
     if (points[a].pair != points[b].pair) return points[a].pair < points[b].pair;
     return a < b;
@@ -180,33 +180,27 @@ struct Neighbourhood {
 
 std::vector<Neighbourhood> FindNeighbourhoods(const std::vector<Merged>& points,
                                               const FuseOptions& options) {
-  const auto cloud = std::make_shared<pcl::PointCloud<pcl::PointXYZ>>();
-  cloud->reserve(points.size());
-  for (const Merged& p : points) {
-    const Eigen::Vector3f f = p.point_m.cast<float>();
-    cloud->push_back(pcl::PointXYZ(f.x(), f.y(), f.z()));
-  }
-  pcl::KdTreeFLANN<pcl::PointXYZ> tree;
-  tree.setInputCloud(cloud);
-  const int k = std::min(options.neighbours + 1, static_cast<int>(points.size()));
+  std::vector<Eigen::Vector3d> places;
+  places.reserve(points.size());
+  for (const Merged& p : points) places.push_back(p.point_m);
   std::vector<Neighbourhood> result(points.size());
-  tbb::parallel_for(std::size_t{0}, points.size(), [&](std::size_t i) {
-    std::vector<int> index;
-    std::vector<float> distance2;
-    tree.nearestKSearch((*cloud)[i], k, index, distance2);
+  // A surface has about one merged point a voxel's square, a few more at most.
+  const double reach_m = 0.6 * std::sqrt(static_cast<double>(options.neighbours)) * options.voxel_m;
+  ForNearest(places, options.neighbours + 1, reach_m, [&](int at, std::span<const NearPoint> near) {
+    const auto i = static_cast<std::size_t>(at);
     Neighbourhood& n = result[i];
     Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-    for (std::size_t j = 0; j < index.size(); ++j) {
-      const auto d = std::sqrt(static_cast<double>(distance2[j]));
+    for (const NearPoint& other : near) {
+      const double d = std::sqrt(other.squared_m2);
       n.mean_distance_m += d;
-      if (d < options.connect_m) n.near.push_back(index[j]);
-      mean += points[static_cast<std::size_t>(index[j])].point_m;
+      if (d < options.connect_m) n.near.push_back(other.index);
+      mean += places[static_cast<std::size_t>(other.index)];
     }
-    n.mean_distance_m /= std::max<double>(1, static_cast<double>(index.size()) - 1);
-    mean /= static_cast<double>(index.size());
+    n.mean_distance_m /= std::max<double>(1, static_cast<double>(near.size()) - 1);
+    mean /= static_cast<double>(near.size());
     Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
-    for (const int j : index) {
-      const Eigen::Vector3d off = points[static_cast<std::size_t>(j)].point_m - mean;
+    for (const NearPoint& other : near) {
+      const Eigen::Vector3d off = places[static_cast<std::size_t>(other.index)] - mean;
       scatter += off * off.transpose();
     }
     Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen;

@@ -1,10 +1,14 @@
 #include "recon/reconstruct.h"
 
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <optional>
+#include <utility>
 
 #include "core/error.h"
 #include "recon/surface_seeds.h"
@@ -17,7 +21,7 @@ struct Reconstructor::State {
   std::vector<Rectification> rectifications;  ///< per pair
   std::vector<GridOptions> grids;             ///< per pair
 
-  /// Matches and triangulates one pair; appends its points.
+  /// Matches and triangulates one pair.
   PairStats MatchPair(std::size_t pair, const FrameSet& frame, const FrameSeeds* seeds,
                       FrameSeeds::Pair& next, std::vector<PairPoint>& points) const;
 };
@@ -155,11 +159,11 @@ PairStats Reconstructor::State::MatchPair(std::size_t pair, const FrameSet& fram
   stats.tried = grid.tried;
   stats.matched = static_cast<int>(grid.matches.size());
   for (const PixelMatch& match : grid.matches) stats.mean_zncc += match.match.zncc / stats.matched;
-  const Triangulation triangulation = Triangulate(rig, static_cast<int>(pair), grid.matches,
+  Triangulation triangulation = Triangulate(rig, static_cast<int>(pair), grid.matches,
                                                   *frame.images[left], options.triangulate);
   stats.kept = static_cast<int>(triangulation.points.size());
   stats.median_gap_px = triangulation.median_gap_px;
-  points.insert(points.end(), triangulation.points.begin(), triangulation.points.end());
+  points = std::move(triangulation.points);
   if (2 * triangulation.bad_gap > stats.matched) {
     stats.skipped = "rays of matching pixels miss each other: calibrate the rig again";
   } else if (stats.kept < options.min_matches) {
@@ -176,11 +180,18 @@ FrameReconstruction Reconstructor::Reconstruct(const FrameSet& frame,
   const Rig& rig = state_->rig;
   CheckFrame(rig, frame);
   FrameReconstruction result;
-  std::vector<PairPoint> points;
   result.seeds.pairs.resize(rig.pairs.size());
-  for (std::size_t i = 0; i < rig.pairs.size(); ++i) {
-    result.pairs.push_back(state_->MatchPair(i, frame, seeds, result.seeds.pairs[i], points));
-  }
+  result.pairs.resize(rig.pairs.size());
+  std::vector<std::vector<PairPoint>> of_pair(rig.pairs.size());
+  tbb::parallel_for(std::size_t{0}, rig.pairs.size(), [&](std::size_t i) {
+    // Isolated: a thread that waits for the rest of a pair's rows does not begin with another pair.
+    tbb::this_task_arena::isolate([&] {
+      result.pairs[i] = state_->MatchPair(i, frame, seeds, result.seeds.pairs[i], of_pair[i]);
+    });
+  });
+  std::vector<PairPoint> points;
+  for (const std::vector<PairPoint>& some : of_pair)
+    points.insert(points.end(), some.begin(), some.end());
   FusedClouds fused = Fuse(points, static_cast<int>(rig.pairs.size()), state_->options.fuse);
   for (std::size_t i = 0; i < rig.pairs.size(); ++i) {
     PairStats& stats = result.pairs[i];

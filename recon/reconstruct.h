@@ -43,7 +43,7 @@ struct PairStats {
   int in_cloud = 0;  ///< merged points of the foot that come mainly from this pair
   double mean_zncc = 0;
   double median_gap_px = 0;  ///< signed distance between the rays; a hint of a drifted calibration
-  double seconds = 0;
+  double seconds = 0;  ///< from beginning to end; other pairs are matched beside it
   double offset_m = 0;  ///< of its points from the other pairs', towards the cameras; taken away
   bool seeded = false;  ///< began at the seeds: semi-global matching was not needed
   std::string skipped;  ///< why the pair gave nothing; empty if it did

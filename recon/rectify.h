@@ -17,7 +17,7 @@ struct CaptureVolume {
 
 struct RectifyOptions {
   CaptureVolume volume = {};
-  double scale = 0.5;          ///< rectified pixels per raw pixel
+  double scale = 0.4;          ///< rectified pixels per raw pixel
   double min_focal_px = 1200;  ///< of the rectified images where the raw ones have it: raises scale
   double mid_height_m = 0.03;  ///< height at which views through the glass are exact
 };
