@@ -104,7 +104,7 @@ using ShapeKey = std::pair<Side, int>;
 
 }  // namespace
 
-void CurateFit(const ModelPair& models, std::span<const PointCloud> clouds, FitSequence& fit) {
+void CurateFit(const ModelPair& models, std::span<const PointCloud> clouds, FitSequence& fit, bool in_time) {
   const FrameFit* before = nullptr;
   for (std::size_t f = 0; f < fit.frames.size(); ++f) {
     FrameFit& frame = fit.frames[f];
@@ -115,7 +115,7 @@ void CurateFit(const ModelPair& models, std::span<const PointCloud> clouds, FitS
     const model::FootModel& model = frame.side == Side::kRight ? models.right : models.left;
     if (frame.verdict == "good")
       frame.verdict = model::CurationVerdict(model::AssessRegistration(model, fit.beta, frame, clouds[f], before));
-    before = frame.verdict == "good" ? &frame : nullptr;
+    before = in_time && frame.verdict == "good" ? &frame : nullptr;
   }
 }
 
@@ -152,8 +152,9 @@ std::vector<std::vector<FootFit>> FitTakes(std::span<const TakeClouds> takes, co
     model::FitOptions options;
     options.shape_frames = std::min(kMostShapeFrames, options.shape_frames * static_cast<int>(members.size()));
     if (takes[members.front().first].label_contact) {
-      options.label_contact = [&](const Eigen::MatrixX3d& vertices_m, const Eigen::VectorXd& sd_m, std::size_t f) {
-        return takes[frame_of[f].first].label_contact(vertices_m, sd_m, frame_of[f].second);
+      options.label_contact = [&](const Eigen::MatrixX3d& registered_m, const Eigen::VectorXd& sd_m,
+                                  const Eigen::MatrixX3d& undeformed_m, std::size_t f) {
+        return takes[frame_of[f].first].label_contact(registered_m, sd_m, undeformed_m, frame_of[f].second);
       };
     }
     FitSequence fit = model::FitFrames(models.right, models.left, clouds, triggers, options, [&](int frame, int) {

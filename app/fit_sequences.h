@@ -33,7 +33,8 @@ std::vector<std::vector<FootFit>> FitTakes(std::span<const TakeClouds> takes, co
                                            const std::function<void(int, int)>& progress = {},
                                            const std::function<void(const std::string&)>& log = {});
 
-/// Replaces verdicts `good` of a fit where the registration's own figures object (model/curation.h).
-void CurateFit(const ModelPair& models, std::span<const PointCloud> clouds, FitSequence& fit);
+/// Replaces verdicts `good` of a fit where the registration's own figures object (model/curation.h). Without `in_time` the frames
+/// do not follow each other and no jump between them is sought.
+void CurateFit(const ModelPair& models, std::span<const PointCloud> clouds, FitSequence& fit, bool in_time = true);
 
 }  // namespace sole::app

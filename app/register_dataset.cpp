@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <map>
 #include <mutex>
+#include <utility>
 #include <vector>
 
 #include <fmt/format.h>
@@ -10,10 +11,12 @@
 #include <tbb/parallel_for.h>
 
 #include "app/console.h"
+#include "app/fit_labels.h"
+#include "app/fit_sequences.h"
 #include "app/registrations.h"
 #include "app/scans.h"
 #include "app/truth.h"
-#include "contact/label.h"
+
 #include "core/error.h"
 #include "io/atomic_file.h"
 #include "io/npz.h"
@@ -36,6 +39,12 @@ std::vector<PointCloud> CloudsOf(const io::Npz& person) {
               sigma.rows() == points.rows() && !start.empty() && start.back() <= points.rows() &&
               start.front() >= 0 && std::is_sorted(start.begin(), start.end()),
           "its arrays of points do not fit together");
+  for (const auto& [name, values] : {std::pair("points_m", &points), {"normals_127", &normals}, {"sigma_m", &sigma}}) {
+    for (Index i = 0; i < values->rows(); ++i) {
+      Require(values->row(i).allFinite(),
+              fmt::format("row {} of its {} is no number: make the scans again, or leave the person out", i, name));
+    }
+  }
   std::vector<PointCloud> clouds(start.size() - 1);
   for (std::size_t f = 0; f < clouds.size(); ++f) {
     for (Index i = start[f]; i < start[f + 1]; ++i) {
@@ -127,11 +136,10 @@ SubjectRegistrations RegisterPerson(const io::Npz& person, const io::Npz& topolo
   std::vector<std::int64_t> triggers;
   for (std::size_t f = 0; f < clouds.size(); ++f)
     triggers.push_back(static_cast<std::int64_t>(f) + 1);
-  const FitSequence fit = model::FitFrames(models.right, models.left, clouds, triggers);
-  std::vector<FrameContact> labels;
-  for (const FrameFit& frame : fit.frames)
-    labels.push_back(
-        contact::LabelContact(frame.registration_m, frame.registration_sd_m, GroundPlane{}));
+  FitSequence fit = model::FitFrames(models.right, models.left, clouds, triggers);
+  CurateFit(models, clouds, fit, false);  // one motion follows the other without a pause
+  const std::vector<GroundPlane> ground(clouds.size());  // scans of a dataset stand on z = 0
+  const std::vector<FrameContact> labels = LabelFit(models, fit, clouds, ground);
   r.side = SideOf(fit);
   AddFrames(fit, labels, r);
   AddTruth(person, topology, models, r);

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "app/console.h"
+#include "app/fit_labels.h"
 #include "app/fit_sequences.h"
 #include "app/fit_sheet.h"
 #include "contact/ground.h"
@@ -188,10 +189,6 @@ struct FitTake {
   std::string subject;
   io::ContactFile contact;
   GroundSurface calibrated;
-
-  FrameContact Label(const Eigen::MatrixX3d& vertices_m, const Eigen::VectorXd& sd_m, std::size_t frame) const {
-    return contact::LabelContact(vertices_m, sd_m, contact.ground[frame], calibrated);
-  }
 };
 
 FitTake OpenForFit(const fs::path& directory, TakeClouds& scans) {
@@ -220,13 +217,12 @@ json FootAccount(const FitSequence& fit, const std::vector<FrameContact>& contac
 }
 
 /// Labels a foot and writes its files. Returns its account.
-json FinishFoot(const FitTake& take, int foot, const FootFit& fitted) {
+json FinishFoot(const FitTake& take, const ModelPair& models, int foot, const FootFit& fitted) {
   io::ContactFile contact = take.contact;
+  contact.contact = LabelFit(models, fitted.fit, fitted.clouds, contact.ground, take.calibrated);
   std::vector<Eigen::MatrixX3d> registered;
-  for (std::size_t f = 0; f < fitted.fit.frames.size(); ++f) {
-    const FrameFit& frame = fitted.fit.frames[f];
+  for (const FrameFit& frame : fitted.fit.frames) {
     registered.push_back(frame.registration_m);
-    contact.contact.push_back(take.Label(frame.registration_m, frame.registration_sd_m, f));
     // Further feet are away most of the time.
     if (frame.verdict != "good" && (foot == 1 || frame.found))
       Log(fmt::format("{}trigger {}: {}", foot == 1 ? "" : fmt::format("foot {}, ", foot), frame.trigger, frame.verdict));
@@ -257,8 +253,11 @@ json RunFit(const std::vector<fs::path>& directories, const ModelPair& models) {
     frames += scans[t].triggers.size();
   }
   for (std::size_t t = 0; t < takes.size(); ++t) {
-    scans[t].label_contact = [&take = takes[t]](const Eigen::MatrixX3d& vertices_m, const Eigen::VectorXd& sd_m, std::size_t f) {
-      return take.Label(vertices_m, sd_m, f).probability;
+    scans[t].label_contact = [&take = takes[t], &clouds = scans[t].clouds](
+                                 const Eigen::MatrixX3d& registered_m, const Eigen::VectorXd& sd_m,
+                                 const Eigen::MatrixX3d& undeformed_m, std::size_t f) {
+      return contact::LabelContact({registered_m, sd_m, undeformed_m, clouds[f]}, take.contact.ground[f], take.calibrated)
+          .probability;
     };
   }
   const Stopwatch watch;
@@ -272,7 +271,7 @@ json RunFit(const std::vector<fs::path>& directories, const ModelPair& models) {
     const io::TakePaths& paths = takes[t].paths;
     json account;
     for (std::size_t k = 0; k < fits[t].size(); ++k) {
-      const json foot = FinishFoot(takes[t], static_cast<int>(k) + 1, fits[t][k]);
+      const json foot = FinishFoot(takes[t], models, static_cast<int>(k) + 1, fits[t][k]);
       if (k == 0) account = foot;
       if (fits[t].size() > 1) account["feet"].push_back(foot);
     }

@@ -10,10 +10,26 @@
 namespace sole::contact {
 namespace {
 
+/// Probability that a vertex lands or leaves from each frame to the next.
+std::vector<double> ChangesOf(const std::vector<FrameContact>& frames, const TemporalOptions& options) {
+  std::vector<double> changes;
+  for (std::size_t f = 0; f + 1 < frames.size(); ++f) {
+    double changed = options.change * options.prior_vertices, touching = options.prior_vertices;
+    for (Eigen::Index v = 0; v < frames[f].gap_m.size(); ++v) {
+      if (std::isnan(frames[f].gap_m[v]) || std::isnan(frames[f + 1].gap_m[v])) continue;
+      const double a = frames[f].probability[v], b = frames[f + 1].probability[v];
+      changed += std::abs(a - b);
+      touching += std::max(a, b);
+    }
+    changes.push_back(std::min(0.5, changed / touching));
+  }
+  return changes;
+}
+
 /// Probabilities that one vertex touches in every frame, given all of `observed`.
-std::vector<double> Smoothed(const std::vector<double>& observed, double change) {
+std::vector<double> Smoothed(const std::vector<double>& observed, const std::vector<double>& changes) {
   const std::size_t frames = observed.size();
-  const auto step = [change](double touching) { return touching * (1 - change) + (1 - touching) * change; };
+  const auto step = [](double touching, double change) { return touching * (1 - change) + (1 - touching) * change; };
   const auto both = [](double a, double b) {
     const double touching = a * b, free = (1 - a) * (1 - b);
     return touching / (touching + free);
@@ -21,8 +37,8 @@ std::vector<double> Smoothed(const std::vector<double>& observed, double change)
   // Never quite 0 or 1: two frames that contradict each other must not leave 0 / 0.
   const auto at = [&](std::size_t f) { return std::clamp(observed[f], 1e-6, 1 - 1e-6); };
   std::vector<double> before(frames, 0.5), after(frames, 0.5);
-  for (std::size_t f = 1; f < frames; ++f) before[f] = step(both(before[f - 1], at(f - 1)));
-  for (std::size_t f = frames; f-- > 1;) after[f - 1] = step(both(after[f], at(f)));
+  for (std::size_t f = 1; f < frames; ++f) before[f] = step(both(before[f - 1], at(f - 1)), changes[f - 1]);
+  for (std::size_t f = frames; f-- > 1;) after[f - 1] = step(both(after[f], at(f)), changes[f - 1]);
   std::vector<double> result(frames);
   for (std::size_t f = 0; f < frames; ++f) result[f] = both(both(before[f], at(f)), after[f]);
   return result;
@@ -32,8 +48,8 @@ std::vector<double> Smoothed(const std::vector<double>& observed, double change)
 
 void SmoothLabels(std::vector<FrameContact>& frames, const TemporalOptions& options) {
   if (frames.empty()) return;
-  Require(options.change > 0 && options.change < 0.5 && options.confident > 0.5 && options.sure >= 0.5,
-          "contact: change must lie between 0 and 0.5, confident and sure above 0.5");
+  Require(options.change > 0 && options.change < 0.5 && options.prior_vertices > 0 && options.confident > 0.5 && options.sure >= 0.5,
+          "contact: change must lie between 0 and 0.5, prior_vertices above 0, confident and sure above 0.5");
   const Eigen::Index n = frames[0].probability.size();
   for (FrameContact& frame : frames) {
     Require(frame.probability.size() == n && frame.gap_m.size() == n,
@@ -41,12 +57,13 @@ void SmoothLabels(std::vector<FrameContact>& frames, const TemporalOptions& opti
                 std::to_string(frame.probability.size()) + " vertices");
     frame.state.assign(static_cast<std::size_t>(n), ContactState::kFree);
   }
+  const std::vector<double> changes = ChangesOf(frames, options);
   std::vector<double> observed(frames.size());
   for (Eigen::Index v = 0; v < n; ++v) {
     for (std::size_t f = 0; f < frames.size(); ++f) {
       observed[f] = std::isnan(frames[f].gap_m[v]) ? 0.5 : frames[f].probability[v];
     }
-    const std::vector<double> smoothed = Smoothed(observed, options.change);
+    const std::vector<double> smoothed = Smoothed(observed, changes);
     for (std::size_t f = 0; f < frames.size(); ++f) {
       FrameContact& frame = frames[f];
       const auto i = static_cast<std::size_t>(v);

@@ -12,10 +12,10 @@
 
 namespace sole::model {
 
-/// Soft contact, 0 to 1, of the N registered vertices of frame `frame` (index into the clouds); `sd_m` (N) as in
-/// Registration. World frame.
-using ContactLabeller =
-    std::function<Eigen::VectorXd(const Eigen::MatrixX3d& vertices_m, const Eigen::VectorXd& sd_m, std::size_t frame)>;
+/// Soft contact, 0 to 1, of the N vertices in frame `frame` (index into the clouds): `registered_m` (N x 3) and their `sd_m` (N)
+/// as in Registration, `undeformed_m` (N x 3) of the fitted model that was told no contact. World frame.
+using ContactLabeller = std::function<Eigen::VectorXd(const Eigen::MatrixX3d& registered_m, const Eigen::VectorXd& sd_m,
+                                                      const Eigen::MatrixX3d& undeformed_m, std::size_t frame)>;
 
 struct FitOptions {
   int shape_frames = 4;            ///< frames, spread over the take, whose shapes are averaged into the subject's

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -49,6 +50,19 @@ void SetDeviations(const FootModel& model, const PoseFit& fit, FrameFit& frame) 
   }
 }
 
+/// Flesh below the glass (z = 0) is pressed straight up to it, as it is in a foot that comes down; skin beside it leaves the glass
+/// smoothly. Sought along the skin's normal, as registration seeks it, it would be found further out on the foot's side. Nothing
+/// changes in the air, or where the scan reaches below z = 0 and there is no glass.
+TriangleMesh LaidOnGlass(TriangleMesh posed, const PointCloud& scan) {
+  constexpr double kSmooth_m = 0.0004;  // the skin then leaves the glass where the model lies 0.5 mm below it
+  const auto below = std::count_if(scan.points_m.begin(), scan.points_m.end(), [](const auto& p) { return p.z() < -0.001F; });
+  if (static_cast<double>(below) > 0.01 * static_cast<double>(scan.Size())) return posed;
+  for (Eigen::Vector3d& v : posed.vertices) {
+    if (v.z() < 20 * kSmooth_m) v.z() = kSmooth_m * std::log1p(std::exp(v.z() / kSmooth_m));
+  }
+  return posed;
+}
+
 }  // namespace
 
 bool UsesContact(const FootModel& model, const FitOptions& options) {
@@ -63,11 +77,12 @@ SettledFit SettleFit(const FootModel& model, std::size_t frame, const Thinned& s
   parameters.contact.resize(0);  // that of the frame before would be found again
   settled.fit = FitPose(model, scan.fine, parameters, With(kFine, free_shape), options.pose);
   const TriangleMesh posed = MeshOf(model, variant, Forward(model, parameters, variant).vertices_m);
-  settled.registration = RegisterFree(posed, *scan.all, options.registration);
+  settled.registration = RegisterFree(LaidOnGlass(posed, scan.fine), *scan.all, options.registration);
   if (!UsesContact(model, options)) return settled;
   const Eigen::Index n = model.NumVertices();
   const Eigen::VectorXd labels = options.label_contact(settled.registration.vertices_m.topRows(n),
-                                                       settled.registration.sd_m.head(n), frame);
+                                                       settled.registration.sd_m.head(n),
+                                                       Forward(model, parameters).vertices_m, frame);
   Require(labels.size() == n && labels.allFinite(),
           fmt::format("fit: the labels of frame {} are not {} finite values", frame, n));
   if (labels.maxCoeff() < 0.5) return settled;

@@ -12,6 +12,7 @@
 #include <random>
 #include <vector>
 
+#include "app/fit_labels.h"
 #include "app/stages.h"
 #include "app/truth.h"
 #include "contact/label.h"
@@ -114,9 +115,8 @@ void Add(const Take& take, const FitSequence& fit, const app::ModelPair& models,
          const std::string& name, bool verbose, Score& score, Reliability& reliability) {
   ++score.takes;
   bool wrong = false;
-  std::vector<FrameContact> contact;
-  for (const FrameFit& frame : fit.frames)
-    contact.push_back(contact::LabelContact(frame.registration_m, frame.registration_sd_m, GroundPlane{}));
+  std::vector<FrameContact> contact =
+      app::LabelFit(models, fit, take.clouds, std::vector<GroundPlane>(take.clouds.size()));
   contact::SmoothLabels(contact);
   for (std::size_t f = 0; f < fit.frames.size(); ++f) {
     const FrameFit& frame = fit.frames[f];
@@ -183,8 +183,9 @@ int Run(const Arguments& a) {
     for (int p = 0; p < a.people; ++p) {
       const Take take = MakeTake(name, a.seed + static_cast<std::uint64_t>(p), a);
       model::FitOptions options;
-      options.label_contact = [](const Eigen::MatrixX3d& vertices_m, const Eigen::VectorXd& sd_m, std::size_t) {
-        return contact::LabelContact(vertices_m, sd_m, GroundPlane{}).probability;
+      options.label_contact = [&](const Eigen::MatrixX3d& registered_m, const Eigen::VectorXd& sd_m,
+                                  const Eigen::MatrixX3d& undeformed_m, std::size_t f) {
+        return contact::LabelContact({registered_m, sd_m, undeformed_m, take.clouds[f]}, GroundPlane{}).probability;
       };
       const double begin = ProcessorSeconds();
       double first = 0;

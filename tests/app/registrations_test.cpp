@@ -141,6 +141,39 @@ TEST(RegisterDataset, FitsTheCloudsAndCompletesWhatWasInterrupted) {
   EXPECT_THAT(FormatDatasetInfo(info), HasSubstr("feet: 1"));
 }
 
+TEST(RegisterDataset, CuratesAndRefusesPointsThatAreNoNumbers) {
+  const TempDir directory;
+  const fs::path set = directory / "set", file = set / "people" / "000035.npz";
+  MakeScanDataset(set, {.people = 1, .frames = 2, .seed = 35});
+  const ModelPair models = LoadModelPair(DefaultModelPath());
+  io::Npz person = io::ReadNpz(file);
+  const Eigen::MatrixXf points = io::MatrixFrom(person, "points_m").cast<float>();
+  const std::vector<int> start = io::IntsFrom(person, "frame_start");
+  Eigen::MatrixXf broken = points;
+  broken(7, 1) = std::numeric_limits<float>::quiet_NaN();
+  person["points_m"] = io::NpyFrom(broken);
+  io::WriteNpz(file, person);
+  const std::string line = ErrorOf([&] { RegisterDataset(set, models); });
+  EXPECT_THAT(line, HasSubstr(file.string()));
+  EXPECT_THAT(line, HasSubstr("row 7 of its points_m"));
+  EXPECT_FALSE(fs::exists(RegistrationsFile(set, "000035")));
+
+  // All points of the second frame where its first 400 are: most of the foot is missing.
+  Eigen::MatrixXf patch = points;
+  Eigen::MatrixXf normals = io::MatrixFrom(person, "normals_127").cast<float>();
+  for (int i = start[1]; i < start[2]; ++i) {
+    patch.row(i) = points.row(start[1] + (i - start[1]) % 400);
+    normals.row(i) = Eigen::MatrixXf(normals.row(start[1] + (i - start[1]) % 400));
+  }
+  person["points_m"] = io::NpyFrom(patch);
+  person["normals_127"] = io::NpyFrom(normals);
+  io::WriteNpz(file, person);
+  RegisterDataset(set, models);
+  const SubjectRegistrations r = ReadRegistrations(RegistrationsFile(set, "000035"));
+  EXPECT_EQ(r.verdict[0], "good");
+  EXPECT_NE(r.verdict[1], "good");
+}
+
 /// A fitted take of two frames, in the second of which there is no foot.
 void WriteFittedTake(const fs::path& directory, const std::string& name,
                      const model::FootModel& model) {

@@ -59,7 +59,7 @@ PointCloud ScanOf(const FootModel& model, const ModelParameters& parameters) {
 }
 
 Eigen::VectorXd LabelByHeight(const Eigen::MatrixX3d& vertices_m, const Eigen::VectorXd&,
-                              std::size_t) {
+                              const Eigen::MatrixX3d&, std::size_t) {
   Eigen::VectorXd soft(vertices_m.rows());
   for (Eigen::Index v = 0; v < soft.size(); ++v)
     soft[v] = 0.5 * std::erfc((vertices_m(v, 2) - 1e-4) / 5e-5);
@@ -105,10 +105,10 @@ TEST(FitFrames, LeavesTheNetworkOffInTheAir) {
   int asked = 0;
   FitOptions options = SmallFit();
   options.label_contact = [&](const Eigen::MatrixX3d& vertices_m, const Eigen::VectorXd& sd_m,
-                              std::size_t frame) {
+                              const Eigen::MatrixX3d& undeformed_m, std::size_t frame) {
     ++asked;
     EXPECT_EQ(frame, 0u);
-    return LabelByHeight(vertices_m, sd_m, frame);
+    return LabelByHeight(vertices_m, sd_m, undeformed_m, frame);
   };
   const FrameFit frame =
       FitFrames(foot.model, MirrorModel(foot.model), clouds, triggers, options).frames[0];
@@ -122,7 +122,7 @@ TEST(FitFrames, RefusesLabelsThatAreNotOnePerVertex) {
   const PointCloud clouds[] = {ScanOf(foot.model, foot.known)};
   const std::int64_t triggers[] = {1};
   FitOptions options = SmallFit();
-  options.label_contact = [](const Eigen::MatrixX3d&, const Eigen::VectorXd&, std::size_t) {
+  options.label_contact = [](const Eigen::MatrixX3d&, const Eigen::VectorXd&, const Eigen::MatrixX3d&, std::size_t) {
     return Eigen::VectorXd::Zero(3).eval();
   };
   EXPECT_THROW(FitFrames(foot.model, MirrorModel(foot.model), clouds, triggers, options), Error);
