@@ -107,6 +107,55 @@ bool OneFoot(const Footprint& a, const Footprint& b, const FeetOptions& options)
   return FitsOneFoot(a.low, b.low, options);
 }
 
+/// The upright plane that parts a piece larger than one foot into two feet through as few of its low points as possible: those
+/// of two feet that nearly touch, or do. None where no plane leaves a foot's outline on both sides.
+std::optional<Eigen::Hyperplane<double, 2>> CutBetweenFeet(const std::vector<Eigen::Vector2d>& low, const FeetOptions& options) {
+  constexpr double kCell_m = 0.002, kLeastShare = 0.25;
+  std::optional<Eigen::Hyperplane<double, 2>> best;
+  std::size_t fewest = low.size() / 20;  // more would cut through a foot
+  for (int degrees = 0; degrees < 180; degrees += 3) {
+    const Eigen::Vector2d normal = Eigen::Rotation2Dd(degrees * M_PI / 180) * Eigen::Vector2d::UnitX();
+    Eigen::AlignedBox1d range;
+    for (const Eigen::Vector2d& p : low) range.extend(Eigen::AlignedBox1d::VectorType(p.dot(normal)));
+    const double begin = range.min()[0];
+    std::vector<std::size_t> counts(static_cast<std::size_t>((range.max()[0] - begin) / kCell_m) + 1);
+    for (const Eigen::Vector2d& p : low) ++counts[static_cast<std::size_t>((p.dot(normal) - begin) / kCell_m)];
+    std::size_t before = 0;
+    for (std::size_t k = 0; k < counts.size(); before += counts[k++]) {
+      const std::size_t after = low.size() - before - counts[k];
+      if (counts[k] >= fewest || static_cast<double>(std::min(before, after)) < kLeastShare * static_cast<double>(low.size())) continue;
+      const Eigen::Hyperplane<double, 2> plane(normal, -(begin + (static_cast<double>(k) + 0.5) * kCell_m));
+      std::vector<Eigen::Vector2d> sides[2];
+      for (const Eigen::Vector2d& p : low) sides[plane.signedDistance(p) > 0].push_back(p);
+      if (!FitsOneFoot(sides[0], {}, options) || !FitsOneFoot(sides[1], {}, options)) continue;
+      fewest = counts[k];
+      best = plane;
+    }
+  }
+  return best;
+}
+
+/// Pieces that hold two feet cut into two.
+std::vector<Indices> CutApart(const PointCloud& cloud, std::vector<Indices> pieces, const FeetOptions& options) {
+  std::vector<Indices> parts;
+  for (Indices& piece : pieces) {
+    std::optional<Eigen::Hyperplane<double, 2>> cut;
+    if (piece.size() >= 2 * options.min_points) {
+      const Footprint print = FootprintOf(cloud, piece, options.low_m);
+      if (!FitsOneFoot(print.low, {}, options)) cut = CutBetweenFeet(print.low, options);
+    }
+    if (!cut) {
+      parts.push_back(std::move(piece));
+      continue;
+    }
+    Indices sides[2];
+    for (const std::size_t i : piece) sides[cut->signedDistance(cloud.points_m[i].head<2>().cast<double>()) > 0].push_back(i);
+    for (Indices& side : sides) parts.push_back(std::move(side));
+  }
+  std::stable_sort(parts.begin(), parts.end(), [](const Indices& a, const Indices& b) { return a.size() > b.size(); });
+  return parts;
+}
+
 double BoxDistance(const Eigen::AlignedBox2d& a, const Eigen::AlignedBox2d& b) {
   return std::sqrt(a.squaredExteriorDistance(b));
 }
@@ -120,7 +169,7 @@ Eigen::Vector3d MiddleOf(const PointCloud& cloud) {
 }  // namespace
 
 std::vector<PointCloud> SplitFeet(const PointCloud& cloud, const FeetOptions& options) {
-  const std::vector<Indices> pieces = Components(cloud, options.cell_m);
+  const std::vector<Indices> pieces = CutApart(cloud, Components(cloud, options.cell_m), options);
   struct Foot {
     Indices points;
     Footprint print;

@@ -19,7 +19,7 @@ struct FeetOptions {
 };
 
 /// Clouds of one frame's feet, largest first. Parts that are connected, stand over each other or fit together into
-/// one foot's outline are one. A cloud without a foot comes back as it is.
+/// one foot's outline are one; a part too large for one foot is cut upright where two feet are joined least. A cloud without a foot comes back as it is.
 std::vector<PointCloud> SplitFeet(const PointCloud& cloud, const FeetOptions& options = {});
 
 /// One foot while it is seen without a gap.

@@ -53,6 +53,19 @@ TEST(SplitFeet, FeetSideBySideAndBehindEachOther) {
   EXPECT_EQ(split[0].normals, one.normals);
 }
 
+TEST(SplitFeet, CutsFeetApartThatNearlyTouchOrDo) {
+  for (const double gap : {0.01, 0.002, 0.0}) {
+    for (const double turn : {0.0, 0.7, 2.0}) {  // side by side, one ahead
+      const Eigen::Rotation2Dd rotation(turn);
+      const Eigen::Vector2d beside = rotation * Eigen::Vector2d(0.09 + gap, 0.03);
+      const PointCloud one = Slipper({0, 0, 0.03}, turn, 1), other = Slipper({beside.x(), beside.y(), 0.03}, turn, 2);
+      const std::vector<PointCloud> split = SplitFeet(Together({one, other}));
+      ASSERT_EQ(split.size(), 2U) << gap << " " << turn;
+      for (const PointCloud& foot : split) EXPECT_NEAR(static_cast<double>(foot.Size()), 4000, 40) << gap << " " << turn;
+    }
+  }
+}
+
 TEST(SplitFeet, PartsOfOneFootStayTogether) {
   const PointCloud whole = Slipper({0, 0, 0.03}, 0.9, 1);
   // Without the middle; and a back over a sole.

@@ -125,6 +125,33 @@ TEST(FitTakes, ABoxBesideAFootIsSaidToBeNone) {
   EXPECT_THAT(log[0], HasSubstr("9000 scan points a frame is taken for no foot"));
 }
 
+TEST(FitTakes, ARuinedFrameIsSaidToBeNoneAndHurtsNoOther) {
+  const StandingFoot foot = MakeStandingFoot(47, Side::kRight, {0, 0}, 0.2);
+  std::vector<PointCloud> clouds;
+  for (unsigned f = 0; f < 5; ++f) clouds.push_back(CloudOf(foot, 6000, f + 1));
+  PointCloud& ruined = clouds[2];  // as of cameras that were pushed: half of the points elsewhere, and turned
+  const Eigen::Matrix3f turn = Eigen::AngleAxisf(1.2F, Eigen::Vector3f(1, 1, 0).normalized()).toRotationMatrix();
+  for (std::size_t i = 0; i < ruined.Size(); i += 2) {
+    ruined.points_m[i] = turn * ruined.points_m[i] + Eigen::Vector3f(0.03F, -0.02F, 0.02F);
+    ruined.normals[i] = turn * ruined.normals[i];
+  }
+  const FootFit fitted = FitOne(clouds)[0];
+  const std::vector<Eigen::Vector3d> places = MaterialPositions(Models().right, foot.mesh, foot.side);
+  ASSERT_EQ(fitted.fit.frames.size(), 5U);
+  for (std::size_t f = 0; f < 5; ++f) {
+    const FrameFit& frame = fitted.fit.frames[f];
+    if (f == 2) {
+      EXPECT_NE(frame.verdict, "good");
+      continue;
+    }
+    EXPECT_EQ(frame.verdict, "good") << f;
+    double sum = 0;
+    for (std::size_t v = 0; v < places.size(); ++v)
+      sum += (frame.registration_m.row(static_cast<Eigen::Index>(v)).transpose() - places[v]).norm();
+    EXPECT_LT(1e3 * sum / static_cast<double>(places.size()), 1.5) << f;
+  }
+}
+
 TEST(LoadModelPair, AModelOfTheOtherSideGivesTheSamePair) {
   const testing_support::TempDir dir;
   model::SaveModel(dir / "left.npz", Models().left);

@@ -23,6 +23,7 @@ using testing_support::DistanceAboveSole;
 using testing_support::ErrorOf;
 using testing_support::ForeignScan;
 using testing_support::MakeForeignScan;
+using testing_support::SurfaceDistance;
 using testing_support::TempDir;
 
 const ModelPair& Models() {
@@ -61,6 +62,57 @@ TEST(FitScan, FilledSoleInAnyPositionFromAnStlFile) {
   // Within a few millimetres of the survey's measure of this person.
   const double length = sim::DrawSubject(311).measures_mm.at("footlength");
   EXPECT_NEAR(account["measures"]["length_mm"].get<double>(), length, 5);
+}
+
+TEST(FitScan, StandsOnAFloorThatTheScannerSawAndHasALongLeg) {
+  ForeignScan scan = MakeForeignScan(313, "stand");
+  // Without the turn: what is added is easier to place.
+  scan.scan_from_truth = {Eigen::Quaterniond::Identity(), {0.3, -0.2, 0.1}};
+  TriangleMesh mesh = scan.truth;
+  double top = 0;
+  for (const Eigen::Vector3d& v : mesh.vertices) top = std::max(top, v.z());
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  double count = 0, radius = 0;
+  for (const Eigen::Vector3d& v : scan.truth.vertices) {
+    if (v.z() > top - 0.005) middle += v, ++count;
+  }
+  middle /= count;
+  for (const Eigen::Vector3d& v : scan.truth.vertices) {
+    if (v.z() > top - 0.005) radius = std::max(radius, (v - middle).head<2>().norm());
+  }
+  const auto add_grid = [&](int rows, int columns, const auto& place, bool round) {
+    const int first = static_cast<int>(mesh.vertices.size());
+    for (int i = 0; i < rows; ++i) {
+      for (int j = 0; j < columns; ++j) mesh.vertices.push_back(place(i, j));
+    }
+    for (int i = 0; i + 1 < rows; ++i) {
+      for (int j = 0; j < (round ? columns : columns - 1); ++j) {
+        const int a = first + i * columns + j, b = first + i * columns + (j + 1) % columns;
+        mesh.triangles.emplace_back(a, b, b + columns);
+        mesh.triangles.emplace_back(a, b + columns, a + columns);
+      }
+    }
+  };
+  // A leg of another 250 mm that leans forward and grows wider, and half a metre of floor, which hides the sole.
+  add_grid(26, 40, [&](int i, int j) {
+    const double angle = 2 * M_PI * j / 40, r = radius * (1 + 0.02 * i);
+    return Eigen::Vector3d(middle + Eigen::Vector3d(r * std::cos(angle), r * std::sin(angle) + 0.002 * i, 0.01 * i));
+  }, true);
+  add_grid(26, 26, [&](int i, int j) {
+    return Eigen::Vector3d(middle.x() + 0.02 * (j - 13), middle.y() + 0.02 * (i - 13) + 0.05, 0.0002);
+  }, false);
+  for (Eigen::Vector3d& v : mesh.vertices) v = 1000 * (scan.scan_from_truth * v);
+  const ScanFit fit = FitScan({mesh, {}}, "floor.ply", Models(), {.unit_m = 0.001, .floor = true});
+  EXPECT_TRUE(fit.floor);
+  const FrameFit& frame = fit.fit.frames[0];
+  EXPECT_EQ(frame.side, scan.side);
+  EXPECT_EQ(frame.verdict, "good");
+  const TriangleMesh registered = model::MeshOf(ModelOf(frame), model::Variant::kFine, frame.registration_fine_m);
+  const SurfaceDistance distance = DistanceAboveSole(scan, registered);
+  std::printf("  %.2f mm, worst %.2f mm: %s\n", distance.mean_mm, distance.worst_mm, frame.verdict.c_str());
+  EXPECT_LT(distance.mean_mm, 1.0);
+  // The floor is level and 0.2 mm above the foot's lowest point.
+  EXPECT_NEAR((fit.level_from_scan * (scan.scan_from_truth * Eigen::Vector3d(0, 0, 0.0002))).z(), 0, 2e-4);
 }
 
 TEST(FitScan, HangingFootAsPointsInMetresWithTheAxisUpGiven) {
