@@ -47,6 +47,8 @@ std::optional<LocalDisparity> FitDisparity(const ImageF& disparity, const Eigen:
   return LocalDisparity{plane[0], plane[1], plane[2]};
 }
 
+constexpr double kAgreementSigmas = 3;  // by which neighbours may differ
+
 class Grid {
  public:
   Grid(const PreparedImage& left, const PreparedImage& right, const ImageU8& mask,
@@ -78,7 +80,7 @@ class Grid {
       const auto start = start_of(Pixel(level[k]));
       if (start) Try(level[k], *start);
     });
-    Grow();
+    Grow(subset_);
   }
 
   /// Share of the first level's nodes that have a match.
@@ -114,9 +116,15 @@ class Grid {
     matches_ = std::move(matches);
     matched_ = std::move(matched);
     stride_ = 1;
-    Grow();
-    if (options_.curvature_reach == 0) return;
-    for (SubsetMatch& match : matches_) match.covariance_px2 *= kCurvatureVarianceFactor;
+    Grow(subset_);
+    if (options_.curvature_reach > 0) {
+      for (SubsetMatch& match : matches_) match.covariance_px2 *= kCurvatureVarianceFactor;
+    }
+    GrowWithWiderWindows();
+    for (SubsetMatch& match : matches_) {
+      const double variance = 0.5 * match.covariance_px2.trace();
+      match.covariance_px2 *= 1 + variance / (kDoubtfulSigma_px * kDoubtfulSigma_px);
+    }
   }
 
   GridMatches Collect() const {
@@ -161,7 +169,7 @@ class Grid {
 
   /// Grows from matched nodes of the level into their unmatched neighbours until nothing is left
   /// to try. A node gets two tries, from different neighbours.
-  void Grow() {
+  void Grow(const SubsetOptions& subset) {
     struct Open {
       int node;
       int from = -1;  ///< neighbour of the last try
@@ -184,12 +192,25 @@ class Grid {
       tbb::parallel_for(std::size_t{0}, starts.size(), [&](std::size_t k) {
         const Open& o = open[starts[k]];
         found[k] = MatchSubset(left_, right_, &mask_, Pixel(o.node),
-                               Extrapolate(Warp(o.from), Pixel(o.node) - Pixel(o.from)), subset_);
+                               Extrapolate(Warp(o.from), Pixel(o.node) - Pixel(o.from)), subset);
       });
       for (std::size_t k = 0; k < starts.size(); ++k) {
         if (found[k].status == SubsetStatus::kMatched) Set(open[starts[k]].node, found[k]);
       }
       std::erase_if(open, [&](const Open& o) { return o.tries >= 2 || Matched(o.node); });
+    }
+  }
+
+  /// Where a foot moves during the exposure the dots are smeared and small windows hold too little:
+  /// beside matched nodes larger ones are tried.
+  void GrowWithWiderWindows() {
+    if (options_.wide_radius_px <= subset_.radius_px) return;
+    const std::vector<char> before = matched_;
+    SubsetOptions wide = subset_;
+    wide.radius_px = options_.wide_radius_px;
+    Grow(wide);
+    for (std::size_t i = 0; i < matches_.size(); ++i) {
+      if (matched_[i] && !before[i]) matches_[i].covariance_px2 *= kWideVarianceFactor;
     }
   }
 
@@ -307,11 +328,15 @@ class Grid {
 
   bool NeighboursAgree(int i) const {
     int matched = 0, agreeing = 0;
+    const double own = matches_[Index(i)].covariance_px2.trace();
     ForNeighbours(i, [&](int j) {
       ++matched;
+      // Uncertain matches may differ by what they are uncertain.
+      const double variance = 0.5 * (own + matches_[Index(j)].covariance_px2.trace());
+      const double allowed_px = std::max(options_.agreement_px, kAgreementSigmas * std::sqrt(variance));
       const Eigen::Vector2d off =
           Warp(j).position_px - Warp(i)((Pixel(j) - Pixel(i)).cast<double>());
-      agreeing += off.norm() < options_.agreement_px ? 1 : 0;
+      agreeing += off.norm() < allowed_px ? 1 : 0;
     });
     return agreeing >= options_.min_agreeing && 2 * agreeing >= matched;
   }

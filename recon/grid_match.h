@@ -20,11 +20,18 @@ struct GridOptions {
   int min_agreeing = 3;  ///< of eight neighbours
   int curvature_reach =
       2;  ///< nodes on each side from which the warp's curvature is taken; 0: affine only
+  int wide_radius_px = 10;  ///< of windows where smaller ones fail; up to subset.radius_px: none are
 };
 
 /// The curvature that a warp takes from its neighbours is noisy too: on speckle with noise of 1 to 5
 /// grey levels it adds as much variance to the match.
 inline constexpr double kCurvatureVarianceFactor = 2;
+
+/// Wider windows stand where the surface moved or bends: the warp errs there, not the noise alone.
+inline constexpr double kWideVarianceFactor = 2;
+/// The less certain a match, the further least squares is from the truth (smeared dots, edges of
+/// depth in the window): at this standard deviation the variance is twice what it says.
+inline constexpr double kDoubtfulSigma_px = 0.055;
 
 /// Sub-pixel match of one left pixel.
 struct PixelMatch {
@@ -56,8 +63,8 @@ inline constexpr int kFirstLevel = 2;
 /// affine warp: where `start` knows something, then growing from matched points into their unmatched
 /// neighbours. Then all points, each from the warp of the first ones around it with the curvature
 /// that their slopes imply (an affine warp alone is biased towards the camera on curved surfaces),
-/// and by growing again. Drops matches that their neighbours contradict. The result does not depend
-/// on the number of threads.
+/// and by growing again, at last with wider windows. Drops matches that their neighbours contradict
+/// by more than they are uncertain. The result does not depend on the number of threads.
 GridMatches MatchOnGrid(const PreparedImage& left, const PreparedImage& right, const ImageU8& mask,
                         const StartFunction& start, const GridOptions& grid = {},
                         const SubsetOptions& subset = {});

@@ -86,6 +86,15 @@ void CheckFrame(const Rig& rig, const FrameSet& frame) {
   }
 }
 
+/// The volume and what lies before, behind and above it.
+CaptureVolume Followed(const CaptureVolume& volume, double follow_m) {
+  CaptureVolume result = volume;
+  result.min_m.y() -= follow_m;
+  result.max_m += Eigen::Vector3d(0, follow_m, follow_m);
+  result.max_height_through_glass_m += follow_m;
+  return result;
+}
+
 /// Pixels between matched points for the wanted spacing in the middle of the volume.
 int GridStep(const Camera& camera, const CaptureVolume& volume, double spacing_m) {
   const Eigen::Vector3d middle = 0.5 * (volume.min_m + volume.max_m);
@@ -97,11 +106,12 @@ int GridStep(const Camera& camera, const CaptureVolume& volume, double spacing_m
 
 Reconstructor::Reconstructor(const Rig& rig, const ReconstructOptions& options) {
   Require(!rig.pairs.empty(), "the rig has no stereo pairs: add a [[pair]] to the rig file");
-  Require(options.spacing_m >= 0, "reconstruct: spacing_m must not be negative");
+  Require(options.spacing_m >= 0 && options.follow_m >= 0,
+          "reconstruct: spacing_m and follow_m must not be negative");
   Require(rig.pairs.size() <= 255, "the rig has more than 255 stereo pairs");
   auto state = std::make_unique<State>(State{rig, options, {}, {}});
   state->options.rectify.volume = options.volume;
-  state->options.triangulate.volume = options.volume;
+  state->options.triangulate.volume = Followed(options.volume, options.follow_m);
   const double usual_spacing_m = rig.pairs.size() <= 4 ? 0.00075 : 0.001;
   const double spacing_m = options.spacing_m > 0 ? options.spacing_m : usual_spacing_m;
   for (const StereoPair& pair : rig.pairs) {

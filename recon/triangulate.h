@@ -17,7 +17,7 @@ struct TriangulateOptions {
   double min_gap_window_px = 0.2;  ///< the spread never rejects within this
   double min_angle_rad = 0.03;     ///< between the rays
   double max_sigma_m = 0.0006;     ///< along the ray
-  double max_sigma_ratio = 3.2;     ///< of the pair's median: windows across an edge of depth
+  double max_sigma_ratio = 3.5;     ///< of the pair's median: windows across an edge of depth
   double floor_px = 0.010;         ///< error of a match that its covariance does not know
   double max_depth_below_glass_m = 0.001;  ///< deeper points are mirror images
 };
