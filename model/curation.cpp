@@ -166,6 +166,8 @@ RegistrationQuality AssessRegistration(const FootModel& model, const Eigen::Vect
   const ModelParameters parameters{frame.theta, beta, frame.translation_m, frame.contact};
   const TriangleMesh fitted = MeshOf(model, variant, Forward(model, parameters, variant).vertices_m);
   AssessScan(surface, fitted, scan, options, quality);
+  // What the scan does not show is as wrong as the model; a person it fits badly is most wrong there.
+  if (frame.vertex_sd_m.size() > 0) quality.unsure_m = (1 - quality.coverage) * frame.vertex_sd_m.mean();
   quality.intersecting = IntersectingEdges(surface);
   quality.stretch = EdgeStretch(surface, fitted);
   if (before && before->found) AssessJump(frame, *before, quality);
@@ -179,6 +181,8 @@ std::string CurationVerdict(const RegistrationQuality& q, const CurationOptions&
     return fmt::format("poor fit: {:.2f} mm from the scan, at most {:.2f} mm are good", 1e3 * q.residual_m, 1e3 * o.max_residual_m);
   if (q.coverage < o.min_coverage)
     return fmt::format("poor coverage: {:.0f} % of the foot have scan points, {:.0f} % are needed", 100 * q.coverage, 100 * o.min_coverage);
+  if (q.unsure_m > o.max_unsure_m)
+    return fmt::format("unsure: {:.0f} % of the foot have no scan points, and the model alone is {:.1f} mm off", 100 * (1 - q.coverage), 1e3 * q.unsure_m / std::max(1e-3, 1 - q.coverage));
   if (q.intersecting > o.max_intersecting)
     return fmt::format("self-intersection: {:.1f} % of the edges, at most {:.1f} % are good", 100 * q.intersecting, 100 * o.max_intersecting);
   if (q.stretch > o.max_stretch)

@@ -17,6 +17,7 @@ struct RegistrationQuality {
   double intersecting = 0;    ///< share of its edges that go through another part of it
   double stretch = 0;         ///< 95th percentile of |log(edge length / length on the fitted model)|
   double departure_m = 0;     ///< mean distance to the fitted model, over what has scan points
+  double unsure_m = 0;        ///< mean stated deviation of the fitted model's vertices times the share that has no scan points
   double turned_rad = 0;      ///< from the frame before
   double deformed_m = 0;      ///< mean distance to the frame before, once that is turned and moved onto it
 };
@@ -32,8 +33,9 @@ struct CurationOptions {
   double max_intersecting = 0.04;
   double max_stretch = 0.7;
   double max_departure_m = 0.003;
+  double max_unsure_m = 0.00027;
   double max_turned_rad = 1.6;
-  double max_deformed_m = 0.012;
+  double max_deformed_m = 0.02;  ///< a running foot at 6 frames a second: 15 mm
 };
 
 /// `before` is the same foot in the frame before, or null where there is none. `frame` must be found.

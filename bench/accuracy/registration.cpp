@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "app/fit_labels.h"
+#include "app/fit_sequences.h"
 #include "app/stages.h"
 #include "app/truth.h"
 #include "contact/label.h"
@@ -189,12 +190,13 @@ int Run(const Arguments& a) {
       };
       const double begin = ProcessorSeconds();
       double first = 0;
-      const FitSequence fit =
+      FitSequence fit =
           model::FitFrames(models.right, models.left, take.clouds, take.triggers, options, [&](int done, int) {
             if (done == 1) first = ProcessorSeconds() - begin;
           });
       s.first_seconds += first;
       s.later_seconds += ProcessorSeconds() - begin - first;
+      app::CurateFit(models, take.clouds, fit);
       Add(take, fit, models, name, a.verbose, s, reliability);
     }
     const auto mean = [](double sum, int n) { return n ? fmt::format("{:.2f}", sum / n) : "-"; };

@@ -85,6 +85,25 @@ TEST(AssessRegistration, CountsWhatTheScanShows) {
   EXPECT_THAT(CurationVerdict(Assess(frame, elsewhere)), HasSubstr("of the scan explained"));
 }
 
+TEST(AssessRegistration, TrustsNoVagueModelWhereTheScanIsMissing) {
+  FrameFit frame = PerfectFrame();
+  const PointCloud whole = ScanOf(frame);
+  PointCloud half;
+  for (std::size_t i = 0; i < whole.Size(); ++i) {
+    if (whole.points_m[i].y() > 0.12F) continue;
+    half.points_m.push_back(whole.points_m[i]);
+    half.normals.push_back(whole.normals[i]);
+  }
+  frame.vertex_sd_m = Eigen::VectorXd::Constant(frame.vertices_m.rows(), 0.0003);
+  EXPECT_EQ(CurationVerdict(Assess(frame, half)), "good");
+  frame.vertex_sd_m.setConstant(0.001);
+  const RegistrationQuality quality = Assess(frame, half);
+  EXPECT_NEAR(quality.unsure_m, 0.001 * (1 - quality.coverage), 1e-12);
+  EXPECT_THAT(CurationVerdict(quality), HasSubstr("unsure: "));
+  EXPECT_THAT(CurationVerdict(quality), HasSubstr("1.0 mm off"));
+  EXPECT_EQ(CurationVerdict(Assess(frame, whole)), "good");
+}
+
 TEST(AssessRegistration, SeesStretchAndJumps) {
   const FrameFit frame = PerfectFrame();
   const PointCloud scan = ScanOf(frame);
