@@ -22,6 +22,7 @@ using nlohmann::json;
 struct Arguments {
   std::string take, calibration, out, model, format, dataset;
   EvaluateModelOptions evaluate;
+  bool mesh = false, watertight = false;
 
   std::filesystem::path ModelPath() const { return model.empty() ? DefaultModelPath() : std::filesystem::path(model); }
 };
@@ -47,10 +48,16 @@ void AddProcessingCommands(CLI::App& app, CommonOptions& common, int& status) {
   const auto add_take = [a](CLI::App* command) { command->add_option("TAKE", a->take, "Directory of the take")->required(); };
   const auto add_model = [a](CLI::App* command) { command->add_option("--model", a->model, "Foot model; default: the shipped one"); };
 
-  CLI::App* reconstruct = AddCommand(app, common, status, "reconstruct", "One point cloud per trigger",
-                                     "sole reconstruct takes/S017 --calibration rig-calibration.json",
-                                     [a] { return RunReconstruct(a->take, a->calibration); });
+  CLI::App* reconstruct = AddCommand(app, common, status, "reconstruct", "One point cloud (and mesh) per trigger",
+                                     "sole reconstruct takes/S017 --calibration rig-calibration.json", [a] {
+                                       return RunReconstruct(a->take, a->calibration,
+                                                             a->watertight ? ScanMesh::kWatertight
+                                                             : a->mesh     ? ScanMesh::kTrimmed
+                                                                           : ScanMesh::kNone);
+                                     });
   add_take(reconstruct);
+  reconstruct->add_flag("--mesh", a->mesh, "Also a surface per trigger (scans/mesh), open where no camera saw the foot");
+  reconstruct->add_flag("--watertight", a->watertight, "The same, closed everywhere");
   reconstruct->add_option("--calibration", a->calibration, "Calibration file")->required();
 
   add_take(AddCommand(app, common, status, "contact", "Ground surface of every frame", "sole contact takes/S017",

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <map>
+#include <optional>
 #include <utility>
 
 #include <fmt/format.h>
@@ -25,6 +26,8 @@
 #include "model/mirror.h"
 #include "model/model_file.h"
 #include "recon/reconstruct.h"
+#include "recon/surface_mesh.h"
+#include "recon/texture.h"
 
 namespace sole::app {
 namespace {
@@ -76,6 +79,31 @@ json MeanInMm(const std::vector<FrameContact>& frames, double FrameContact::*val
   return count ? json(1e3 * sum / count) : json(nullptr);
 }
 
+/// The texture exposure nearest in time to a trigger; none in takes without any.
+class NearestTexture {
+ public:
+  explicit NearestTexture(const io::TakeReader& reader) : reader_(reader) {}
+
+  const FrameSet* To(std::size_t trigger) {
+    const std::vector<io::TriggerRecord>& all = reader_.Triggers();
+    std::optional<std::size_t> best;
+    const auto apart = [&](std::size_t i) { return std::abs(all[i].actual_s - all[trigger].actual_s); };
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      if (all[i].kind == ExposureKind::kTexture && (!best || apart(i) < apart(*best))) best = i;
+    }
+    if (best && (!frame_ || read_ != *best)) {
+      frame_ = reader_.Read(*best);
+      read_ = *best;
+    }
+    return best ? &*frame_ : nullptr;
+  }
+
+ private:
+  const io::TakeReader& reader_;
+  std::optional<FrameSet> frame_;
+  std::size_t read_ = 0;
+};
+
 /// True if `output` is missing or older than one of the inputs.
 bool Stale(const fs::path& output, const std::vector<fs::path>& inputs) {
   if (!fs::exists(output)) return true;
@@ -108,7 +136,7 @@ fs::path OfFoot(const fs::path& first, int foot) {
   return foot == 1 ? first : first.parent_path() / fmt::format("{}_{}{}", first.stem().string(), foot, first.extension().string());
 }
 
-json RunReconstruct(const fs::path& directory, const fs::path& calibration_path) {
+json RunReconstruct(const fs::path& directory, const fs::path& calibration_path, ScanMesh mesh) {
   const io::TakePaths take{directory};
   const io::TakeReader reader(directory, Log);
   const Calibration calibration = io::ReadCalibration(calibration_path);
@@ -119,6 +147,11 @@ json RunReconstruct(const fs::path& directory, const fs::path& calibration_path)
   const recon::Reconstructor reconstructor(calibration.rig);
   io::MakeDirectory(take.Scan(1).parent_path());
   io::MakeDirectory(take.Platform(1).parent_path());
+  fs::remove_all(take.ScanMesh(1).parent_path());
+  if (mesh != ScanMesh::kNone) io::MakeDirectory(take.ScanMesh(1).parent_path());
+  recon::MeshOptions mesh_options;
+  if (mesh == ScanMesh::kWatertight) mesh_options.trim_m = 0;
+  NearestTexture texture(reader);
 
   json frames = json::array();
   double seconds = 0, points = 0;
@@ -130,7 +163,11 @@ json RunReconstruct(const fs::path& directory, const fs::path& calibration_path)
     const FrameSet frame = reader.Read(static_cast<std::size_t>(i));
     recon::FrameReconstruction result = reconstructor.Reconstruct(frame, &seeds);
     if (frame.kind == ExposureKind::kSpeckle) seeds = std::move(result.seeds);
+    const FrameSet* skin = result.cloud.Size() > 0 ? texture.To(static_cast<std::size_t>(i)) : nullptr;
+    if (skin) result.cloud.intensity = recon::TextureIntensity(result.cloud, calibration.rig, *skin);
     io::WritePly(take.Scan(frame.trigger), result.cloud);
+    if (mesh != ScanMesh::kNone)
+      io::WritePly(take.ScanMesh(frame.trigger), recon::MeshFromCloud(result.cloud, mesh_options));
     io::WritePly(take.Platform(frame.trigger), result.platform);
     json pieces = json::array();
     for (const recon::CloudPiece& piece : result.pieces) {

@@ -30,9 +30,12 @@ std::filesystem::path DefaultModelPath();
 /// A file of the take's n-th foot (from 1), by that of the first: fit.npz, fit_2.npz ...
 std::filesystem::path OfFoot(const std::filesystem::path& first, int foot);
 
-/// scans/, scans/platform/, scans/stats.json and a copy of the calibration. Returns frames, points_mean, frames_without_foot,
-/// seconds_per_frame.
-nlohmann::json RunReconstruct(const std::filesystem::path& take, const std::filesystem::path& calibration);
+/// What RunReconstruct makes of every cloud beside its file.
+enum class ScanMesh { kNone, kTrimmed, kWatertight };
+
+/// scans/, scans/platform/, scans/stats.json, scans/mesh/ if asked for and a copy of the calibration. Returns frames, points_mean,
+/// frames_without_foot, seconds_per_frame. Meshes of an earlier run are removed: they belong to other clouds.
+nlohmann::json RunReconstruct(const std::filesystem::path& take, const std::filesystem::path& calibration, ScanMesh mesh = ScanMesh::kNone);
 /// contact.npz with the ground of every frame. Returns frames, plane_offset_mm (mean), platform_points (mean).
 nlohmann::json RunContact(const std::filesystem::path& take);
 /// fit.npz, fit.json, the labels of contact.npz and fit-sheet.png; fit_2.npz and contact_2.npz ... for further feet. Takes

@@ -1,7 +1,8 @@
 # Every third-party library, found once. Targets link the ones they need privately.
 find_package(Eigen3 3.4 REQUIRED NO_MODULE)
 find_package(OpenCV 4.6 REQUIRED COMPONENTS core imgproc imgcodecs calib3d features2d aruco)
-find_package(PCL 1.13 REQUIRED COMPONENTS common search kdtree filters features segmentation sample_consensus)
+find_package(PCL 1.13 REQUIRED COMPONENTS common search kdtree filters features segmentation sample_consensus
+             surface)
 find_package(Ceres 2.1 REQUIRED)
 find_package(embree 3.13 REQUIRED)
 find_package(TBB REQUIRED)

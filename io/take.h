@@ -58,6 +58,7 @@ struct TakePaths {
   std::filesystem::path TruthRig() const { return root / "truth" / "rig.json"; }
   std::filesystem::path Scan(std::int64_t trigger) const;      ///< scans/000001.ply
   std::filesystem::path Platform(std::int64_t trigger) const;  ///< scans/platform/000001.ply
+  std::filesystem::path ScanMesh(std::int64_t trigger) const;  ///< scans/mesh/000001.ply
   std::filesystem::path ReconstructionStats() const { return root / "scans" / "stats.json"; }
   std::filesystem::path Contact() const { return root / "contact.npz"; }
   std::filesystem::path Fit() const { return root / "fit.npz"; }

@@ -53,6 +53,9 @@ fs::path TakePaths::Scan(std::int64_t trigger) const {
 fs::path TakePaths::Platform(std::int64_t trigger) const {
   return root / "scans" / "platform" / NumberedPly(trigger);
 }
+fs::path TakePaths::ScanMesh(std::int64_t trigger) const {
+  return root / "scans" / "mesh" / NumberedPly(trigger);
+}
 
 TakeInfo ReadTakeInfo(const TakePaths& take) {
   const std::string where = take.Info().string();
