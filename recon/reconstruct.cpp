@@ -86,12 +86,13 @@ void CheckFrame(const Rig& rig, const FrameSet& frame) {
   }
 }
 
-/// The volume and what lies before, behind and above it.
+/// The volume and what lies before and behind it, through the glass also above.
 CaptureVolume Followed(const CaptureVolume& volume, double follow_m) {
   CaptureVolume result = volume;
   result.min_m.y() -= follow_m;
-  result.max_m += Eigen::Vector3d(0, follow_m, follow_m);
-  result.max_height_through_glass_m += follow_m;
+  result.max_m.y() += follow_m;
+  result.max_height_through_glass_m =
+      std::min(volume.max_height_through_glass_m + follow_m, volume.max_m.z());
   return result;
 }
 

@@ -18,8 +18,8 @@ namespace sole::recon {
 
 struct ReconstructOptions {
   CaptureVolume volume = {};  ///< takes the place of the volumes in rectify and triangulate
-  /// How far surfaces that begin in the volume are followed along the walking direction and upwards:
-  /// a foot that comes down still has its heel behind.
+  /// How far surfaces that begin in the volume are followed along the walking direction, and upwards
+  /// through the glass: a foot that comes down still has its heel behind.
   double follow_m = 0.04;
   RectifyOptions rectify = {};
   ForegroundOptions foreground = {};
