@@ -19,9 +19,40 @@ struct MotionKind {
   double duration_s;
 };
 constexpr std::array kOnPlate = {MotionKind{"stand", 3.0}, MotionKind{"rock", 3.0},
-                                 MotionKind{"walk", 1.0}, MotionKind{"run", 0.6},
-                                 MotionKind{"jump", 0.8}};
+                                 MotionKind{"walk", 1.0},  MotionKind{"run", 0.6},
+                                 MotionKind{"jump", 0.8},  MotionKind{"press", 2.4},
+                                 MotionKind{"press", 2.4}};
 constexpr std::array kInAir = {MotionKind{"air", 3.0}, MotionKind{"toes", 2.4}};
+
+constexpr int kSequenceFrames = 12;  ///< of a person with many: so many frames show one motion
+
+/// A motion and how many frames of it.
+struct Sequence {
+  MotionKind kind;
+  int frames = 0;
+};
+
+/// Motions on the plate and in the air in turn, three in eight of them in the air (of two sequences one),
+/// none again before all were shown.
+std::vector<Sequence> DrawSequences(int frames, std::uint64_t person, std::mt19937_64& random) {
+  const auto shuffled = [&](auto kinds) {
+    for (std::size_t i = kinds.size(); i > 1; --i) std::swap(kinds[i - 1], kinds[random() % i]);
+    return kinds;
+  };
+  const auto on_plate = shuffled(kOnPlate);
+  const auto in_air = shuffled(kInAir);
+  // A single frame is in the air for every second person.
+  if (frames == 1) return {{person % 2 ? in_air[0] : on_plate[0], 1}};
+  const int count = std::max(2, frames / kSequenceFrames);
+  std::vector<Sequence> sequences;
+  std::size_t plates = 0, airs = 0;
+  for (int k = 0; k < count; ++k) {
+    const bool air = k % 8 == 1 || k % 8 == 4 || k % 8 == 7;
+    const int its = frames * (k + 1) / count - frames * k / count;
+    sequences.push_back({air ? in_air[airs++ % in_air.size()] : on_plate[plates++ % on_plate.size()], its});
+  }
+  return sequences;
+}
 
 /// Grows with every frame.
 struct Columns {
@@ -125,20 +156,17 @@ std::optional<PersonScans> MakePersonScans(std::uint64_t seed, const RigConfig& 
   const sim::TrueRig rig = sim::DrawTrueRig(config, seed);
   const std::vector<sim::JointAxis> axes = sim::JointAxes(subject);
   std::mt19937_64 random(seed * 0x9E3779B97F4A7C15ULL + 1);
-  const MotionKind kinds[] = {kOnPlate[random() % kOnPlate.size()],
-                              kInAir[random() % kInAir.size()]};
-  const int in_air = asked.frames > 1 ? asked.frames / 2 : static_cast<int>(seed % 2);
+  const std::vector<Sequence> sequences = DrawSequences(asked.frames, seed, random);
   const std::uint64_t sequence_seed = random();
   Columns columns;
   std::vector<std::string> motions;
-  for (int k = 0; k < 2; ++k) {
+  for (std::size_t k = 0; k < sequences.size(); ++k) {
     sim::MotionOptions options;
-    options.motion = kinds[k].name;
-    options.frames = k == 0 ? asked.frames - in_air : in_air;
-    options.seed = seed + static_cast<std::uint64_t>(k);
+    options.motion = sequences[k].kind.name;
+    options.frames = sequences[k].frames;
+    options.seed = seed + k;
     options.mean_load = 0.25 + 0.75 * std::uniform_real_distribution<double>()(random);
-    if (options.frames == 0) continue;
-    options.rate_hz = options.frames / kinds[k].duration_s;
+    options.rate_hz = options.frames / sequences[k].kind.duration_s;
     const sim::FootMotion motion = sim::MakeMotion(subject, options);
     for (const sim::MotionFrame& frame : motion.frames) {
       if (stopped()) return {};

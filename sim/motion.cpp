@@ -85,6 +85,51 @@ std::vector<MotionFrame> Rock(const Subject& subject, const MotionOptions& optio
   return frames;
 }
 
+/// The foot as it would stand under a drawn load, a little tilted, its joints held: lowered onto the
+/// plate, loaded and lifted off again, so that one pose is seen with every contact.
+std::vector<MotionFrame> Press(const Subject& subject, const MotionOptions& options,
+                               std::mt19937_64& random) {
+  constexpr double kPeriod = 2.4;   // seconds from one moment highest above the plate to the next
+  constexpr double kHighest = 0.008, kLowest = 2e-4;  // metres above the plate
+  constexpr double kInAir = 0.35;   // of the way from there to the full load
+  const Rigid3 placement = DrawPlacement(subject, options, random);
+  std::uniform_real_distribution<double> unit(0, 1), both(-1, 1);
+  const double weight_n = subject.weight_kg * kGravity, held_n = unit(random) * weight_n;
+  const double centre = 0.3 + 0.3 * unit(random), phase = 0.15 * both(random);
+  FootPose pose = LoadedStandingPose(subject, held_n, centre);
+  pose.world_from_foot = placement;
+  const ContactOptions standing{.load_n = std::max(held_n, 0.1 * weight_n), .pressure_centre_y = centre};
+  const std::vector<BoneInfo> bones = Bones(subject);
+  const auto fixed = std::find_if(bones.begin(), bones.end(),
+                                  [&](const BoneInfo& bone) { return bone.name == pose.fixed_bone; });
+  pose.world_from_foot = PressOnPlate(subject, pose, standing)
+                             .foot.world_from_rest.at(static_cast<std::size_t>(fixed - bones.begin()));
+  const Eigen::Quaterniond tilt = Eigen::AngleAxisd(0.05 * both(random), Eigen::Vector3d::UnitX()) *
+                                  Eigen::AngleAxisd(0.03 * both(random), Eigen::Vector3d::UnitY());
+  pose.world_from_foot = Rigid3{tilt, Eigen::Vector3d::Zero()} * pose.world_from_foot;
+  const Wave ankle(3.1, random), lean(2.7, random);
+  const FootPose held = pose;
+  std::vector<MotionFrame> frames;
+  for (int i = 0; i < options.frames; ++i) {
+    const double t = options.start_s + i / options.rate_hz;
+    const double way = 0.5 - 0.5 * std::cos(2 * std::numbers::pi * (t / kPeriod + phase));
+    pose = held;
+    pose.angles_rad["talocrural.dorsiflexion"] += 0.01 * ankle.At(t);
+    pose.angles_rad["subtalar.inversion"] += 0.01 * lean.At(t);
+    if (way < kInAir) {
+      MotionFrame frame = Pressed(subject, pose, {}, t);
+      HoldAbovePlate(kLowest + (kHighest - kLowest) * (1 - way / kInAir), frame);
+      frames.push_back(std::move(frame));
+      continue;
+    }
+    const double share = std::pow((way - kInAir) / (1 - kInAir), 1.5);
+    frames.push_back(Pressed(subject, pose,
+                             {.load_n = std::max(0.02, options.mean_load * share) * weight_n,
+                              .plate = options.plate}, t));
+  }
+  return frames;
+}
+
 std::vector<MotionFrame> Air(const Subject& subject, const MotionOptions& options, std::mt19937_64& random) {
   const Rigid3 placement = DrawPlacement(subject, options, random);
   const Wave height(2.1, random), ankle(1.7, random), turn(2.3, random), hallux(1.3, random), toes(1.1, random);
@@ -145,7 +190,7 @@ std::vector<MotionFrame> Toes(const Subject& subject, const MotionOptions& optio
 }  // namespace
 
 const std::vector<std::string>& MotionNames() {
-  static const std::vector<std::string> names = {"stand", "rock", "walk", "run", "jump", "air", "toes"};
+  static const std::vector<std::string> names = {"stand", "rock", "walk", "run", "jump", "press", "air", "toes"};
   return names;
 }
 
@@ -165,6 +210,7 @@ FootMotion MakeMotion(const Subject& subject, const MotionOptions& options) {
   motion.triangles = FootTriangles(subject.side);
   if (options.motion == "stand") motion.frames = Stand(subject, options, random);
   else if (options.motion == "rock") motion.frames = Rock(subject, options, random);
+  else if (options.motion == "press") motion.frames = Press(subject, options, random);
   else if (options.motion == "air") motion.frames = Air(subject, options, random);
   else if (options.motion == "toes") motion.frames = Toes(subject, options, random);
   else if (IsStepMotion(options.motion)) {

@@ -16,7 +16,7 @@ struct MotionOptions {
   double rate_hz = 10;
   double start_s = 0;  ///< time of the first frame; the motion itself stays the same
   std::uint64_t seed = 1;
-  double mean_load = 0.5;  ///< of body weight, while standing and rocking
+  double mean_load = 0.5;  ///< of body weight, while standing and rocking; the most while pressing
   std::optional<PlateModel> plate = {};  ///< bends under the foot; absent: the plate is rigid
   /// Where the foot stands: its middle from the plate's, and its turn to the left about the vertical, on top of a few drawn
   /// millimetres and degrees. (0.2, 0) puts it half off the default plate.
@@ -35,7 +35,8 @@ struct FootMotion {
   std::vector<MotionFrame> frames;
 };
 
-/// "stand": quiet standing with sway; "rock": the load goes from heel to forefoot and back, once over all frames; "air": ankle and
+/// "stand": quiet standing with sway; "rock": the load goes from heel to forefoot and back, once over all frames; "press": a foot that
+/// holds its joints is lowered onto the plate, loaded up to `mean_load` and lifted again, so that one pose is seen under every load; "air": ankle and
 /// toe movement 20 to 60 mm above the plate; "walk", "run" and "jump": the foot comes down on the plate, in real time from 0.1 to
 /// 0.2 s before (step_motion.h); "toes": curls and spreads above the plate, the rest of the foot held still.
 const std::vector<std::string>& MotionNames();

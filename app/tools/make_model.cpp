@@ -38,6 +38,8 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(2, 100))
       ->capture_default_str();
   program.add_flag("--no-correctives", no_correctives, "Leave the pose correctives zero");
+  program.add_flag("--mean-foot", options.mean_foot,
+                   "Of the mean foot alone, to begin registrations with; nobody is drawn");
   program.add_option("--evaluate", evaluate, "Held-out subjects to fit afterwards")
       ->check(CLI::Range(0, 50));
   program.add_option("--check", check, "Only evaluate this model file");

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "app/tools/landmarks.h"
+#include "app/tools/mean_foot_people.h"
 #include "app/tools/motion_training.h"
 #include "app/tools/simulated_people.h"
 #include "model/joint_regressor_fit.h"
@@ -102,6 +103,20 @@ void AddJoints(std::vector<Person>& people, const TemplateMesh& mesh, model::Foo
   foot.joint_regressor.row(0) = rim;
 }
 
+std::vector<Person> DrawTrainingPeople(const BuilderOptions& options,
+                                       std::span<const SurfacePoint> points, std::size_t movers,
+                                       const BuilderLog& log) {
+  std::vector<std::uint64_t> seeds(static_cast<std::size_t>(options.shape_people));
+  std::iota(seeds.begin(), seeds.end(), options.first_seed);
+  std::vector<Person> people =
+      DrawPeople(std::span(seeds).first(movers), points, {.poses = options.poses});
+  log(fmt::format("posed {} people {} times", movers, options.poses));
+  const std::vector<Person> others = DrawPeople(std::span(seeds).subspan(movers), points, {});
+  people.insert(people.end(), others.begin(), others.end());
+  log(fmt::format("drew {} people", people.size()));
+  return people;
+}
+
 }  // namespace
 
 model::FootModel BuildFootModel(const BuilderOptions& options, const BuilderLog& log) {
@@ -121,24 +136,24 @@ model::FootModel BuildFootModel(const BuilderOptions& options, const BuilderLog&
   foot.fine.triangles = TriangleMatrix(mesh.fine_triangles);
   foot.coarse.template_m.resize(options.mesh.coarse_vertices, 3);
 
-  std::vector<std::uint64_t> seeds(static_cast<std::size_t>(options.shape_people));
-  std::iota(seeds.begin(), seeds.end(), options.first_seed);
   const auto movers =
       static_cast<std::size_t>(std::min(options.motion_people, options.shape_people));
-  std::vector<Person> people =
-      DrawPeople(std::span(seeds).first(movers), mesh.points, {.poses = options.poses});
-  log(fmt::format("posed {} people {} times", movers, options.poses));
-  const std::vector<Person> others = DrawPeople(std::span(seeds).subspan(movers), mesh.points, {});
-  people.insert(people.end(), others.begin(), others.end());
-  log(fmt::format("drew {} people", people.size()));
+  std::vector<Person> people = options.mean_foot
+                                   ? DeformMeanFoot(mesh.points, options.shape_people)
+                                   : DrawTrainingPeople(options, mesh.points, movers, log);
 
   AlignPeople(PointsOn(sim::ReferenceFoot().vertices, mesh.points), people);
   AddShape(people, options.betas, foot, log);
   AddJoints(people, mesh, foot);
   foot.upsampling = model::HarmonicUpsampling(
       {PointsToVector(foot.fine.template_m), mesh.fine_triangles}, options.mesh.coarse_vertices);
-  LearnMotion(std::span(people).first(movers), JointShares(mesh.points), options.skinning_rounds,
-              options.correctives, foot, log);
+  if (options.mean_foot) {
+    foot.fine.weights = FourInfluences(JointShares(mesh.points));
+    foot.coarse.weights = foot.fine.weights.topRows(foot.NumVertices());
+  } else {
+    LearnMotion(std::span(people).first(movers), JointShares(mesh.points),
+                options.skinning_rounds, options.correctives, foot, log);
+  }
   foot.landmarks = FindLandmarks(foot);
   Prepare(foot);
   return foot;

@@ -18,6 +18,9 @@ struct BuilderOptions {
   int betas = 15;
   int skinning_rounds = 2;  ///< of pose estimation and weights in turn
   bool correctives = true;  ///< learn linear pose correctives
+  /// No people at all: the mean foot with invented proportions and its bones' shares as weights, to
+  /// begin registrations with (scripts/train).
+  bool mean_foot = false;
 };
 
 /// Progress in words, one line a stage.

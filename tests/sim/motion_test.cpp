@@ -127,6 +127,38 @@ TEST(MakeMotion, RockingMovesTheContactFromHeelToForefootAndItGrowsWithTheLoad) 
   }
 }
 
+TEST(MakeMotion, PressingShowsOnePoseInTheAirAndUnderEveryLoad) {
+  const Subject subject = DrawSubject(87);
+  const FootMotion motion = MakeMotion(
+      subject, {.motion = "press", .frames = 12, .rate_hz = 5, .seed = 4, .mean_load = 0.8});
+  std::vector<const MotionFrame*> frames;
+  for (const MotionFrame& frame : motion.frames) frames.push_back(&frame);
+  std::ranges::sort(frames, {}, [](const MotionFrame* f) { return f->foot.total_load_n; });
+  EXPECT_EQ(frames.front()->foot.total_load_n, 0);
+  EXPECT_NEAR(frames.back()->foot.total_load_n, 0.8 * subject.weight_kg * 9.81,
+              0.2 * subject.weight_kg * 9.81);
+  int touching = 0;
+  for (std::size_t f = 0; f < frames.size(); ++f) {
+    const LoadedFoot& foot = frames[f]->foot;
+    double lowest = 1;
+    for (const Eigen::Vector3d& v : foot.foot.vertices_m) lowest = std::min(lowest, v.z());
+    if (foot.total_load_n == 0) {
+      EXPECT_GT(lowest, 1e-4);
+      EXPECT_LT(lowest, 0.009);
+    } else {
+      ++touching;
+      EXPECT_GT(foot.contact_area_m2, 0.9 * frames[f == 0 ? 0 : f - 1]->foot.contact_area_m2);
+    }
+    for (const auto& [name, angle] : frames[f]->angles_rad)
+      EXPECT_NEAR(angle, frames[0]->angles_rad.at(name), 0.03) << name;
+    // Bones keep their tilt, whatever the load.
+    EXPECT_LT(foot.foot.world_from_rest[3].rotation.angularDistance(
+                  frames[0]->foot.foot.world_from_rest[3].rotation), 0.03);
+  }
+  EXPECT_GT(touching, 4);
+  EXPECT_LT(touching, 11);
+}
+
 TEST(MakeMotion, OffsetAndHeadingPlaceTheFoot) {
   const Subject subject = MeanSubject();
   const MotionOptions middle{.motion = "stand", .frames = 1, .seed = 4};
