@@ -22,7 +22,7 @@ namespace {
 struct SimArguments {
   std::string rig;
   std::string out;
-  std::uint64_t seed = 1;
+  std::uint64_t seed = 1, rig_seed = 0;
   std::string motion = "stand";
   int frames = 6;
   double noise = -1;
@@ -41,6 +41,7 @@ void AddFaultOption(CLI::App* command, std::vector<std::string>& faults) {
 void AddSceneOptions(CLI::App* command, SimArguments& a) {
   command->add_option("RIG", a.rig, "Rig file; cameras need loopback addresses")->required();
   command->add_option("--seed", a.seed, "Subject and true rig")->capture_default_str();
+  command->add_option("--rig-seed", a.rig_seed, "True rig, so that several subjects step onto one; default: --seed");
   command->add_option("--motion", a.motion, sim::MotionList())->capture_default_str();
   command->add_option("--frames", a.frames, "Frame sets to render")->check(CLI::Range(1, 100000))->capture_default_str();
   command->add_option("--noise", a.noise, "Scale of the sensor noise; default from the rig file")->check(CLI::Range(0.0, 100.0));
@@ -67,7 +68,7 @@ RigConfig ConfigFor(const SimArguments& a) {
 
 int Serve(const SimArguments& a, const CommonOptions& common) {
   const RigConfig config = ConfigFor(a);
-  Simulation simulation(config, a.seed);
+  Simulation simulation(config, a.rig_seed ? a.rig_seed : a.seed, a.seed);
   const RenderedTake rendered = RenderFor(a, simulation);
   const sim::CameraServer server = ServeRendered(config, rendered);
   Log(fmt::format("serving {} cameras at {} onwards, trigger bus on port {}; Ctrl-C ends", config.cameras.size(),
@@ -85,7 +86,7 @@ int Render(const SimArguments& a) {
   for (const FaultConfig& fault : config.simulation.faults) {
     if (!sim::ShowsInImages(fault)) Log("fault " + fault.name + " shows on the wire only: use sole sim serve");
   }
-  Simulation simulation(config, a.seed);
+  Simulation simulation(config, a.rig_seed ? a.rig_seed : a.seed, a.seed);
   WriteRendered(config, RenderFor(a, simulation), a.out);
   simulation.WriteTruth(a.out);
   return 0;
@@ -123,6 +124,9 @@ void AddSimCommands(CLI::App& app, CommonOptions& common, int& status) {
   demo->footer("Example: sole demo --out demo-out --seed 7\nEnds with OUT/report.html and OUT/summary.json.");
   demo->add_option("--out", d->out, "Directory for everything that is made")->required();
   demo->add_option("--seed", d->seed, "Subject and true rig")->capture_default_str();
+  demo->add_option("--rig-seed", d->rig_seed, "True rig, so that several subjects step onto one; default: --seed");
+  demo->add_option("--calibration", d->calibration,
+                   "calibration.json of an earlier demo of the same rig seed, cameras and size, instead of a calibration take");
   demo->add_option("--motion", d->motion, sim::MotionList())->capture_default_str();
   demo->add_option("--frames", d->frames, "Triggers of the foot's take")->check(CLI::Range(1, 10000))->capture_default_str();
   demo->add_option("--poses", d->poses, "Poses of the calibration cube")->check(CLI::Range(6, 1000))->capture_default_str();

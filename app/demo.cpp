@@ -48,6 +48,15 @@ void RecordInto(const RigConfig& config, const RenderedTake& rendered, const fs:
                   result.FramesExpected(), result.verdict));
 }
 
+Calibration CalibrateTake(const RigConfig& config, const fs::path& take) {
+  Log("calibrate");
+  TakeList takes({take});
+  Calibration calibration = calib::Calibrate(config, takes);
+  for (const std::string& failure : calibration.stats.failures)  // `sole calibrate` would refuse it
+    Log("calibration FAILS: " + failure);
+  return calibration;
+}
+
 }  // namespace
 
 nlohmann::json RunDemo(const DemoOptions& options) {
@@ -58,6 +67,13 @@ nlohmann::json RunDemo(const DemoOptions& options) {
   Validate(faulty);
   const fs::path model_path = options.model.empty() ? DefaultModelPath() : options.model;
   const ModelPair models = LoadModelPair(model_path);  // before the long work, so that a bad path fails at once
+  Calibration calibration;
+  if (!options.calibration.empty()) {
+    calibration = io::ReadCalibration(options.calibration);
+    Require(calibration.rig.rig_hash == RigIdentityHash(config),
+            options.calibration.string() +
+                " was made for another rig: give --cameras and --size as in the demo that made it");
+  }
   io::MakeDirectory(options.out);
   const fs::path calibration_take = options.out / "calibration", take = options.out / "take";
   const fs::path calibration_file = options.out / "calibration.json";
@@ -65,14 +81,13 @@ nlohmann::json RunDemo(const DemoOptions& options) {
   RemoveTake(take);
   io::WriteRigFile(options.out / "rig.toml", config);
 
-  Simulation simulation(config, options.seed);
-  RecordInto(config, simulation.RenderCalibration(options.poses), calibration_take);
-  Log("calibrate");
-  TakeList takes({calibration_take});
-  const Calibration calibration = calib::Calibrate(config, takes);
-  for (const std::string& failure : calibration.stats.failures)  // `sole calibrate` would refuse it
-    Log("calibration FAILS: " + failure);
-  io::WriteCalibration(calibration_file, calibration);
+  Simulation simulation(config, options.rig_seed ? options.rig_seed : options.seed, options.seed);
+  if (options.calibration.empty()) {
+    RecordInto(config, simulation.RenderCalibration(options.poses), calibration_take);
+    io::WriteCalibration(calibration_file, CalibrateTake(config, calibration_take));
+  } else {
+    io::WriteCalibration(calibration_file, calibration);
+  }
   simulation.SetFaults(faulty.simulation.faults);
   RecordInto(faulty, simulation.RenderMotion(options.motion, options.frames), take);
   simulation.WriteTruth(take);

@@ -76,10 +76,11 @@ std::map<std::string, double> HalfWeightMeasures(const sim::Subject& subject) {
 
 }  // namespace
 
-Simulation::Simulation(const RigConfig& config, std::uint64_t seed)
+Simulation::Simulation(const RigConfig& config, std::uint64_t rig_seed, std::uint64_t seed)
     : config_(config),
+      rig_seed_(rig_seed),
       seed_(seed),
-      renderer_(config, sim::DrawTrueRig(config, seed), OptionsFor(config, seed)),
+      renderer_(config, sim::DrawTrueRig(config, rig_seed), OptionsFor(config, rig_seed)),
       subject_(sim::DrawSubject(seed)) {}
 
 void Simulation::SetFaults(const std::vector<FaultConfig>& faults) {
@@ -96,7 +97,7 @@ const sim::Renderer& Simulation::RendererAt(std::int64_t trigger) {
     faulty_.reset();
     if (!active.empty()) {
       faulty_ = std::make_unique<sim::Renderer>(config_, sim::ApplyFaults(renderer_.Rig(), active),
-                                                sim::ApplyFaults(OptionsFor(config_, seed_), active));
+                                                sim::ApplyFaults(OptionsFor(config_, rig_seed_), active));
     }
   }
   return faulty_ ? *faulty_ : renderer_;

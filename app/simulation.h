@@ -23,10 +23,12 @@ struct RenderedTake {
   std::vector<std::vector<ImageU8>> sets;
 };
 
-/// The simulated rig of one seed: true cameras and plate, one subject. Development uses seeds below 1000.
+/// A simulated rig (true cameras and plate drawn from `rig_seed`) and a subject who moves before it (`seed`).
+/// Development uses seeds below 1000.
 class Simulation {
  public:
-  Simulation(const RigConfig& config, std::uint64_t seed);
+  Simulation(const RigConfig& config, std::uint64_t rig_seed, std::uint64_t seed);
+  Simulation(const RigConfig& config, std::uint64_t seed) : Simulation(config, seed, seed) {}
 
   const RigConfig& Config() const { return config_; }
   /// Replaces the rig file's faults; those that show in images (docs/faults.md) act on what is
@@ -49,7 +51,7 @@ class Simulation {
   const sim::Renderer& RendererAt(std::int64_t trigger);
 
   RigConfig config_;
-  std::uint64_t seed_;
+  std::uint64_t rig_seed_, seed_;
   sim::Renderer renderer_;
   std::unique_ptr<sim::Renderer> faulty_;  ///< with the faults below
   std::size_t faults_shown_ = 0;           ///< by faulty_; 0: renderer_ shows the rig as it is

@@ -1,6 +1,9 @@
 #include "app/train_networks.h"
 
 #include <fmt/format.h>
+#include <tbb/parallel_for.h>
+
+#include <vector>
 
 #include "app/console.h"
 #include "core/error.h"
@@ -58,16 +61,22 @@ TrainedNetworks TrainNetworks(const TrainContext& context, const std::string& po
         validation = CollectSamples(context, result.poses, context.files.validation, foot);
     Require(samples.Size() > 0 && validation.Size() > 0,
             "no subject with enough good registrations to train or to validate the network with");
-    for (const model::NetworkKind kind :
-         {model::NetworkKind::kPoseShapeContact, model::NetworkKind::kPose,
-          model::NetworkKind::kPoseShape}) {
-      const bool full = kind == model::NetworkKind::kPoseShapeContact;
-      if (!full && !(last && all)) continue;
+    std::vector<model::NetworkKind> kinds{model::NetworkKind::kPoseShapeContact};
+    if (last && all) {
+      kinds.push_back(model::NetworkKind::kPose);
+      kinds.push_back(model::NetworkKind::kPoseShape);
+    }
+    // A batch is too small for many threads, so kinds are trained side by side.
+    std::vector<model::NetworkTraining> trainings(kinds.size());
+    tbb::parallel_for(std::size_t{0}, kinds.size(), [&](std::size_t k) {
       model::NetworkTrainingOptions options = context.config.training;
-      options.kind = kind;
-      const std::string name = NameOf(kind);
-      const model::NetworkTraining training = RunTraining(
-          context, fmt::format("network_{}_{}", name, round), samples, validation, options);
+      options.kind = kinds[k];
+      trainings[k] = RunTraining(context, fmt::format("network_{}_{}", NameOf(kinds[k]), round),
+                                 samples, validation, options);
+    });
+    for (std::size_t k = 0; k < kinds.size(); ++k) {
+      const std::string name = NameOf(kinds[k]);
+      const model::NetworkTraining& training = trainings[k];
       Log(fmt::format("network {}, round {}: {:.3f} mm a coordinate on {} validation frames after "
                       "{} epochs, {:.3f} mm on {} training frames",
                       name, round, training.best_mm, validation.Size(), training.epoch,
