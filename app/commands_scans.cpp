@@ -59,7 +59,7 @@ void AddScansCommand(CLI::App& sim, CommonOptions& common, int& status) {
   scans->add_option("--people", a->options.people, "People, one foot each")
       ->check(CLI::Range(1, 1000000))
       ->capture_default_str();
-  scans->add_option("--frames", a->options.frames, "Scans of each person, half of them in the air")
+  scans->add_option("--frames", a->options.frames, "Scans of each person, on the plate and in the air, 12 or more of a motion")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   scans

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <optional>
 #include <vector>
 
@@ -88,6 +89,21 @@ void AddGains(const Specimens& specimens, const std::vector<SpecimenScore>& befo
     const std::string name = touches ? "contact" : "noncontact";
     row[name + "_gain_mm"] = Millimetres(gain.mean);
     row[name + "_gain_interval_mm"] = {Millimetres(gain.low), Millimetres(gain.high)};
+  }
+}
+
+/// Mean distance of each motion, contact or not.
+void AddMotions(const Specimens& specimens, const std::vector<SpecimenScore>& scores,
+                const std::string& step, json& motions) {
+  std::map<std::string, std::pair<double, int>> sums;
+  for (std::size_t i = 0; i < scores.size(); ++i) {
+    auto& [sum, count] = sums[specimens.all[i].motion];
+    sum += scores[i].v2v_m;
+    ++count;
+  }
+  for (const auto& [motion, sum] : sums) {
+    motions[motion]["registrations"] = sum.second;
+    motions[motion][step + "_mm"] = 1e3 * sum.first / sum.second;
   }
 }
 
@@ -177,13 +193,14 @@ json EvaluateModel(const fs::path& path, const fs::path& dataset,
   const Specimens specimens = ReadSpecimens(dataset, options.split, options.per_subject);
   Progress progress("evaluate", static_cast<int>(std::size(kSteps)) + 2);
   int done = 0;
-  json ablation;
+  json ablation, motions = json::object();
   std::vector<SpecimenScore> before;
   for (const char* step : kSteps) {
     ablation[step] = nullptr;
     if (const std::optional<FootModel> part = ModelOf(path, full, step)) {
       std::vector<SpecimenScore> now = ScoreModel(*part, specimens);
       ablation[step] = RowOf(specimens, now);
+      AddMotions(specimens, now, step, motions);
       if (!before.empty()) AddGains(specimens, before, now, ablation[step]);
       before = std::move(now);
     }
@@ -197,6 +214,7 @@ json EvaluateModel(const fs::path& path, const fs::path& dataset,
               {"registrations", specimens.all.size()},
               {"ablation", ablation},
               {"baseline", nullptr},
+              {"motions", motions},
               {"beta", Betas(specimens, scores)},
               {"contact_response", ResponseOf(full, specimens, scores)}};
   if (baseline) {
@@ -243,6 +261,17 @@ std::string FormatModelEvaluation(const json& e) {
                          number(interval[1]));
     };
     text += fmt::format("{:<16}{:<32}{:<32}\n", step, cell("noncontact"), cell("contact"));
+  }
+  // Takes have names of their own: too many for a table.
+  if (e["motions"].size() <= 12) {
+    text += fmt::format("\n{:<16}{:>14}", "motion, mm", "registrations");
+    for (const char* step : kSteps) text += fmt::format("{:>14}", step);
+    for (const auto& [motion, row] : e["motions"].items()) {
+      text += fmt::format("\n{:<16}{:>14}", motion, row["registrations"].get<int>());
+      for (const char* step : kSteps)
+        text += fmt::format("{:>14}", number(row.value(std::string(step) + "_mm", json(nullptr))));
+    }
+    text += "\n";
   }
   text += "\ncomponents  v2v mm  surface mm  explained\n";
   for (const json& row : e["components"])

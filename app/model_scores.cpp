@@ -36,6 +36,7 @@ Specimen SpecimenOf(const SubjectRegistrations& r, std::size_t f, std::size_t su
   const auto row = static_cast<Index>(f);
   Specimen s;
   s.subject = subject;
+  s.motion = r.motion.at(static_cast<std::size_t>(r.sequence[f]));
   s.fine_m = Mirrored(r.fine_m[f], r.side);
   s.coarse_m = s.fine_m.topRows(r.NumVertices());
   s.seen = (r.sd_m.row(row).array() < kSeenSd_m).cast<double>().transpose();

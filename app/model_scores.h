@@ -15,6 +15,7 @@ namespace sole::app {
 /// fit all of them.
 struct Specimen {
   std::size_t subject = 0;       ///< index
+  std::string motion;            ///< name of the sequence it is from
   Eigen::MatrixX3d coarse_m;     ///< N x 3
   Eigen::MatrixX3d fine_m;       ///< M x 3
   Eigen::VectorXd seen;          ///< N, 1 where the scan held the vertex, else 0
