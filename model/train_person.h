@@ -32,8 +32,9 @@ struct PersonalOptions {
   double sigma_m = 0.001;     ///< expected distance of a vertex
   double theta_sd_rad = 0.6;  ///< weak prior that keeps unseen turns at rest
   /// Turns of fits after the first are held to the fit before with this deviation; 0: not at all. Free
-  /// to turn, small toes drift step by step until correctives, not contact, press them flat.
-  double step_sd_rad = 0.03;
+  /// to turn, small toes of a pressed foot drift by up to 0.3 rad, step by step, and correctives press
+  /// them flat where contact should.
+  double step_sd_rad = 0;
   /// Vertices on the glass are deformed by it; until a network explains that, they count this much
   /// for the pose.
   double pressed_weight = 0.1;
