@@ -4,20 +4,27 @@
 
 #include <Eigen/Geometry>
 #include <embree3/rtcore.h>
+#include <tbb/task_arena.h>
 
 #include "core/error.h"
 
 namespace sole::model {
 namespace {
 
-/// One device for all queries: making it takes longer than building a foot's volumes.
+/// One device for all queries: making it takes longer than building a foot's volumes. It is not asked
+/// for a number of threads: Embree would cap TBB's for the whole program.
 RTCDevice SharedDevice() {
   struct Holder {
-    RTCDevice device = rtcNewDevice("threads=1");
+    RTCDevice device = rtcNewDevice(nullptr);
     ~Holder() { rtcReleaseDevice(device); }  // scenes that outlive it hold it
   };
   static const Holder holder;
   return holder.device;
+}
+
+/// Builds or refits; a thread that waits meanwhile does not begin with tasks of others.
+void Commit(RTCScene scene) {
+  tbb::this_task_arena::isolate([&] { rtcCommitScene(scene); });
 }
 
 }  // namespace
@@ -98,7 +105,7 @@ SurfaceQuery::SurfaceQuery(const TriangleMesh& mesh) : state_(std::make_unique<S
   rtcCommitGeometry(geometry);
   rtcAttachGeometry(state_->scene, geometry);
   rtcReleaseGeometry(geometry);
-  rtcCommitScene(state_->scene);
+  Commit(state_->scene);
 }
 
 void SurfaceQuery::Move(const std::vector<Eigen::Vector3d>& vertices_m) {
@@ -109,7 +116,7 @@ void SurfaceQuery::Move(const std::vector<Eigen::Vector3d>& vertices_m) {
   rtcSetGeometryBuildQuality(state_->geometry, RTC_BUILD_QUALITY_REFIT);
   rtcUpdateGeometryBuffer(state_->geometry, RTC_BUFFER_TYPE_VERTEX, 0);
   rtcCommitGeometry(state_->geometry);
-  rtcCommitScene(state_->scene);
+  Commit(state_->scene);
 }
 
 SurfaceQuery::~SurfaceQuery() = default;

@@ -6,6 +6,7 @@
 
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
+#include <tbb/global_control.h>
 
 #include "core/error.h"
 #include "tests/support/meshes.h"
@@ -144,6 +145,16 @@ TEST(SurfaceQuery, RefusesTrianglesWithoutVertices) {
   mesh.triangles[3][1] = 1000;
   EXPECT_THROW(SurfaceQuery{mesh}, Error);
   EXPECT_THROW(SurfaceQuery{TriangleMesh{}}, Error);
+}
+
+TEST(SurfaceQuery, LeavesTheProgramItsThreads) {
+  const auto allowed = [] {
+    return tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism);
+  };
+  const std::size_t before = allowed();
+  const SurfaceQuery query(Ellipsoid({0.05, 0.1, 0.03}, 20, 30));
+  EXPECT_TRUE(query.Closest(Eigen::Vector3d(0.06, 0, 0), 0.1).has_value());
+  EXPECT_EQ(allowed(), before);
 }
 
 }  // namespace
