@@ -335,12 +335,14 @@ json RunMeasure(const fs::path& directory, const ModelPair& models) {
     for (std::size_t f = 0; f < fit.frames.size(); ++f) {
       const FrameFit& frame = fit.frames[f];
       const model::FootModel& model = frame.side == Side::kRight ? models.right : models.left;
+      if (!model::StandsOnGround(model, frame, contact.ground.at(f))) continue;
       for (const model::FootMeasure& m : model::MeasureFrame(model, frame, contact.ground.at(f))) {
         rows.push_back({frame.trigger, m.name, 1e3 * m.value_m, "mm", 1e3 * m.sd_m, 1});
         sums[m.name].first += 1e3 * m.value_m;
         ++sums[m.name].second;
       }
     }
+    if (rows.empty()) Log("no frame of " + directory.string() + " shows a foot that stands, heel and ball down: nothing to measure");
     io::WriteMeasurements(OfFoot(take.Measurements(), foot), rows);
     json means = json::object();
     for (const auto& [name, sum] : sums) means[name + "_mm"] = sum.first / sum.second;

@@ -133,4 +133,20 @@ std::vector<FootMeasure> MeasureFrame(const FootModel& model, const FrameFit& fr
   return measures;
 }
 
+bool StandsOnGround(const FootModel& model, const FrameFit& frame, const GroundPlane& ground) {
+  constexpr double kNear_m = 0.004;
+  if (!frame.found) return false;
+  const bool fine = frame.registration_fine_m.rows() > 0;
+  const Eigen::MatrixX3d v =
+      InFootFrame(model, fine ? frame.registration_fine_m : frame.registration_m, ground);
+  const double length = v.col(1).maxCoeff();  // from the heel or the shank behind it
+  Extent heel, ball;
+  for (Eigen::Index i = 0; i < v.rows(); ++i) {
+    const double share = v(i, 1) / length;
+    if (share < 0.3) heel.Add(v(i, 2));
+    if (share > 0.55 && share < 0.85) ball.Add(v(i, 2));
+  }
+  return heel.low < kNear_m && ball.low < kNear_m;
+}
+
 }  // namespace sole::model

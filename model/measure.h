@@ -25,4 +25,8 @@ struct FootMeasure {
 /// Empty for a frame without a foot.
 std::vector<FootMeasure> MeasureFrame(const FootModel& model, const FrameFit& frame, const GroundPlane& ground);
 
+/// Whether the measures above are those of a standing foot: heel and ball within 4 mm of the ground. In the
+/// air or on tiptoe they are numbers without a meaning.
+bool StandsOnGround(const FootModel& model, const FrameFit& frame, const GroundPlane& ground);
+
 }  // namespace sole::model

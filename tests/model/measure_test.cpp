@@ -68,6 +68,20 @@ TEST(MeasureFrame, ClosedFormOfAnEllipsoidInAnyHeading) {
   }
 }
 
+TEST(StandsOnGround, NotOnTiptoeOnTheHeelOrInTheAir) {
+  const Eigen::Vector3d x = Eigen::Vector3d::UnitX();
+  for (const double degrees : {0.0, 2.0, 20.0, -20.0}) {
+    Known known = EllipsoidFoot(Eigen::AngleAxisd(degrees * M_PI / 180, x).matrix(), Side::kRight);
+    known.frame.registration_m.col(2).array() -= known.frame.registration_m.col(2).minCoeff();
+    EXPECT_EQ(StandsOnGround(known.model, known.frame, {}), std::abs(degrees) < 10) << degrees;
+    known.frame.registration_m.col(2).array() += 0.01;
+    EXPECT_FALSE(StandsOnGround(known.model, known.frame, {})) << degrees;
+  }
+  Known missing = EllipsoidFoot(Eigen::Matrix3d::Identity(), Side::kRight);
+  missing.frame.found = false;
+  EXPECT_FALSE(StandsOnGround(missing.model, missing.frame, {}));
+}
+
 TEST(MeasureFrame, NothingWithoutAFoot) {
   Known known = EllipsoidFoot(Eigen::Matrix3d::Identity(), Side::kRight);
   known.frame.found = false;
