@@ -15,6 +15,7 @@
 #include "model/foot_start.h"
 #include "model/forward.h"
 #include "model/mesh_topology.h"
+#include "model/pose_prior.h"
 #include "model/surface_query.h"
 #include "model/triangle_topology.h"
 
@@ -130,6 +131,31 @@ void AssessJump(const FrameFit& frame, const FrameFit& before, RegistrationQuali
                            .rowwise().norm().mean();
 }
 
+std::string JointName(const FootModel& model, Eigen::Index joint) {
+  const auto j = static_cast<std::size_t>(joint);
+  return j < model.joint_names.size() ? model.joint_names[j] : fmt::format("joint {}", joint);
+}
+
+/// A toe that the scan does not show follows the others: it may be elsewhere though the rest of the foot fits.
+void AssessParts(const FootModel& model, const FrameFit& frame, const CurationOptions& options, RegistrationQuality& quality) {
+  Eigen::Index worst = 0;
+  quality.bent = PosePriorOf(model).Deviations(frame.theta).maxCoeff(&worst);
+  quality.bent_joint = JointName(model, worst);
+  if (frame.vertex_sd_m.size() != model.NumVertices()) return;
+  Eigen::VectorXd sums = Eigen::VectorXd::Zero(model.NumJoints()), counts = sums;
+  for (Eigen::Index v = 0; v < model.NumVertices(); ++v) {
+    Eigen::Index joint = 0;
+    model.coarse.weights.row(v).maxCoeff(&joint);
+    sums[joint] += frame.vertex_sd_m[v];
+    counts[joint] += 1;
+  }
+  for (Eigen::Index j = 0; j < counts.size(); ++j) {
+    if (counts[j] < options.part_vertices || sums[j] / counts[j] <= quality.vague_m) continue;
+    quality.vague_m = sums[j] / counts[j];
+    quality.vague_part = JointName(model, j);
+  }
+}
+
 }  // namespace
 
 double IntersectingEdges(const TriangleMesh& mesh) {
@@ -168,6 +194,7 @@ RegistrationQuality AssessRegistration(const FootModel& model, const Eigen::Vect
   AssessScan(surface, fitted, scan, options, quality);
   // What the scan does not show is as wrong as the model; a person it fits badly is most wrong there.
   if (frame.vertex_sd_m.size() > 0) quality.unsure_m = (1 - quality.coverage) * frame.vertex_sd_m.mean();
+  AssessParts(model, frame, options, quality);
   quality.intersecting = IntersectingEdges(surface);
   quality.stretch = EdgeStretch(surface, fitted);
   if (before && before->found) AssessJump(frame, *before, quality);
@@ -183,6 +210,10 @@ std::string CurationVerdict(const RegistrationQuality& q, const CurationOptions&
     return fmt::format("poor coverage: {:.0f} % of the foot have scan points, {:.0f} % are needed", 100 * q.coverage, 100 * o.min_coverage);
   if (q.unsure_m > o.max_unsure_m)
     return fmt::format("unsure: {:.0f} % of the foot have no scan points, and the model alone is {:.1f} mm off", 100 * (1 - q.coverage), 1e3 * q.unsure_m / std::max(1e-3, 1 - q.coverage));
+  if (q.vague_m > o.max_vague_m)
+    return fmt::format("unsure: the scan hardly shows {}, known to {:.1f} mm, at most {:.1f} mm are good", q.vague_part, 1e3 * q.vague_m, 1e3 * o.max_vague_m);
+  if (q.bent > o.max_bent)
+    return fmt::format("no pose of a foot: {} is bent {:.0f} deviations away from known poses, at most {:.0f} are good", q.bent_joint, q.bent, o.max_bent);
   if (q.intersecting > o.max_intersecting)
     return fmt::format("self-intersection: {:.1f} % of the edges, at most {:.1f} % are good", 100 * q.intersecting, 100 * o.max_intersecting);
   if (q.stretch > o.max_stretch)

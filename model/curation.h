@@ -18,6 +18,10 @@ struct RegistrationQuality {
   double stretch = 0;         ///< 95th percentile of |log(edge length / length on the fitted model)|
   double departure_m = 0;     ///< mean distance to the fitted model, over what has scan points
   double unsure_m = 0;        ///< mean stated deviation of the fitted model's vertices times the share that has no scan points
+  double vague_m = 0;         ///< stated deviation of the fitted model's vertices, mean over the part that is known worst
+  std::string vague_part;     ///< the joint that moves it
+  double bent = 0;            ///< most deviations that a joint is away from the poses that the model was trained on
+  std::string bent_joint;
   double turned_rad = 0;      ///< from the frame before
   double deformed_m = 0;      ///< mean distance to the frame before, once that is turned and moved onto it
 };
@@ -34,6 +38,9 @@ struct CurationOptions {
   double max_stretch = 0.7;
   double max_departure_m = 0.003;
   double max_unsure_m = 0.00027;
+  double max_vague_m = 0.002;
+  int part_vertices = 10;        ///< a part has at least as many
+  double max_bent = 6;           ///< poses near the truth: 4; toes that exchange their places: 8 to 16
   double max_turned_rad = 1.6;
   double max_deformed_m = 0.02;  ///< a running foot at 6 frames a second: 15 mm
 };

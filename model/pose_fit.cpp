@@ -109,12 +109,6 @@ Correspondences FindCorrespondences(const PosedSurface& posed, const PointCloud&
   return result;
 }
 
-Eigen::VectorXd JointPriorWeights(const FootModel& model, const PoseFitOptions& options) {
-  Eigen::VectorXd weights = Eigen::VectorXd::Constant(3 * model.NumJoints(), 1 / options.joint_prior_sd);
-  weights.head<3>().setZero();
-  return weights;
-}
-
 }  // namespace
 
 PoseFit FitPose(const FootModel& model, const PointCloud& scan, const ModelParameters& start,
@@ -124,6 +118,7 @@ PoseFit FitPose(const FootModel& model, const PointCloud& scan, const ModelParam
           "pose fit: rounds, radius, kernel and sigma must be positive");
   PoseFit fit{start, 1, 0, 0, {}};
   const Eigen::Index joints = model.NumJoints();
+  const PosePrior prior = PosePriorOf(model, options.prior);
   PosedSurface surface(model, fit.parameters);
   for (int round = 0; round < stage.rounds; ++round) {
     if (round > 0) surface.Move(fit.parameters);
@@ -137,8 +132,8 @@ PoseFit FitPose(const FootModel& model, const PointCloud& scan, const ModelParam
     ceres::Problem problem;
     problem.AddResidualBlock(new SurfaceCost(model, fit.parameters, matches), nullptr, theta.data(),
                              beta.data(), translation.data());
-    problem.AddResidualBlock(new PriorCost(JointPriorWeights(model, options)), nullptr, theta.data());
-    problem.AddResidualBlock(new PriorCost(Eigen::VectorXd::Ones(beta.size())), nullptr, beta.data());
+    problem.AddResidualBlock(new PriorCost(prior.root, prior.mean), nullptr, theta.data());
+    problem.AddResidualBlock(new PriorCost(Eigen::MatrixXd::Identity(beta.size(), beta.size()), Eigen::VectorXd::Zero(beta.size())), nullptr, beta.data());
     if (!stage.free_joints) {
       std::vector<int> held;
       for (int i = 3; i < 3 * joints; ++i) held.push_back(i);
@@ -190,8 +185,9 @@ void AddCovariance(const FootModel& model, const PointCloud& scan, const PoseFit
     normal.selfadjointView<Eigen::Lower>().rankUpdate(row.transpose());
   }
   normal = normal.selfadjointView<Eigen::Lower>();
-  normal.diagonal().segment(columns.theta, 3 * model.NumJoints()) +=
-      JointPriorWeights(model, options).cwiseAbs2();
+  const Eigen::Index values = 3 * model.NumJoints();
+  const Eigen::MatrixXd root = PosePriorOf(model, options.prior).root;
+  normal.block(columns.theta, columns.theta, values, values) += root.transpose() * root;
   normal.diagonal().segment(columns.beta, fit.parameters.beta.size()).array() += 1;
   // Root and translation carry no prior; a hair of one keeps the matrix invertible without points.
   normal.diagonal().array() += 1e-9;

@@ -4,6 +4,7 @@
 
 #include "core/point_cloud.h"
 #include "model/forward.h"
+#include "model/pose_prior.h"
 
 namespace sole::model {
 
@@ -20,7 +21,7 @@ struct PoseFitStage {
 struct PoseFitOptions {
   double effective_points = 400;       ///< scan points are correlated; together they count as this many
   double minimum_normal_cosine = 0.3;  ///< between scan and surface normal
-  double joint_prior_sd = 0.3;         ///< rad, every joint but the root
+  PosePriorOptions prior;
   double glass_height_m = 0.0003;      ///< scan points lower than this lie on the glass: flesh pressed flat there may
                                        ///< reach below it in a model without contact, so they only push up
   int solver_iterations = 2;           ///< Levenberg-Marquardt steps between two searches

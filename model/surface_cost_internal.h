@@ -106,23 +106,23 @@ class SurfaceCost : public ceres::CostFunction {
   std::vector<Eigen::Vector3i> corners_;  ///< of every correspondence, in vertices_
 };
 
-/// Deviation of a block from zero, each value over its standard deviation; infinite ones do not count.
+/// Deviation of a block from a mean: root * (block - mean).
 class PriorCost : public ceres::CostFunction {
  public:
-  explicit PriorCost(Eigen::VectorXd weights) : weights_(std::move(weights)) {
-    set_num_residuals(static_cast<int>(weights_.size()));
-    mutable_parameter_block_sizes()->push_back(static_cast<int>(weights_.size()));
+  PriorCost(Eigen::MatrixXd root, Eigen::VectorXd mean) : root_(std::move(root)), mean_(std::move(mean)) {
+    set_num_residuals(static_cast<int>(root_.rows()));
+    mutable_parameter_block_sizes()->push_back(static_cast<int>(root_.cols()));
   }
   bool Evaluate(double const* const* blocks, double* residuals, double** jacobians) const override {
-    for (Eigen::Index i = 0; i < weights_.size(); ++i) residuals[i] = weights_[i] * blocks[0][i];
-    if (jacobians && jacobians[0]) {
-      Eigen::Map<RowMatrix>(jacobians[0], weights_.size(), weights_.size()) = weights_.asDiagonal();
-    }
+    const Eigen::Map<const Eigen::VectorXd> block(blocks[0], root_.cols());
+    Eigen::Map<Eigen::VectorXd>(residuals, root_.rows()) = root_ * (block - mean_);
+    if (jacobians && jacobians[0]) Eigen::Map<RowMatrix>(jacobians[0], root_.rows(), root_.cols()) = root_;
     return true;
   }
 
  private:
-  Eigen::VectorXd weights_;
+  Eigen::MatrixXd root_;
+  Eigen::VectorXd mean_;
 };
 
 }  // namespace sole::model

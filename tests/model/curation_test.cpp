@@ -1,5 +1,6 @@
 #include "model/curation.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <Eigen/Geometry>
@@ -102,6 +103,31 @@ TEST(AssessRegistration, TrustsNoVagueModelWhereTheScanIsMissing) {
   EXPECT_THAT(CurationVerdict(quality), HasSubstr("unsure: "));
   EXPECT_THAT(CurationVerdict(quality), HasSubstr("1.0 mm off"));
   EXPECT_EQ(CurationVerdict(Assess(frame, whole)), "good");
+}
+
+TEST(AssessRegistration, NamesAToeThatTheScanDoesNotHold) {
+  FrameFit frame = PerfectFrame();
+  const PointCloud scan = ScanOf(frame);
+  frame.vertex_sd_m = Eigen::VectorXd::Constant(frame.vertices_m.rows(), 0.0003);
+  const FootModel& model = ShippedModel();
+  const auto toe = std::find(model.joint_names.begin(), model.joint_names.end(), "toe3_ip") - model.joint_names.begin();
+  for (Eigen::Index v = 0; v < frame.vertex_sd_m.size(); ++v) {
+    Eigen::Index joint = 0;
+    model.coarse.weights.row(v).maxCoeff(&joint);
+    if (joint == toe) frame.vertex_sd_m[v] = 0.004;
+  }
+  const RegistrationQuality quality = Assess(frame, scan);
+  EXPECT_NEAR(quality.vague_m, 0.004, 1e-12);
+  EXPECT_THAT(CurationVerdict(quality), HasSubstr("unsure: the scan hardly shows toe3_ip, known to 4.0 mm"));
+}
+
+TEST(AssessRegistration, NamesAJointThatNoFootBendsLikeThis) {
+  FrameFit frame = PerfectFrame();
+  const PointCloud scan = ScanOf(frame);
+  frame.theta(4, 2) = 2.4;
+  const RegistrationQuality quality = Assess(frame, scan);
+  EXPECT_NEAR(quality.bent, 8, 1e-9);  // this model has no pose space: 0.3 rad a joint
+  EXPECT_THAT(CurationVerdict(quality), HasSubstr("no pose of a foot: " + ShippedModel().joint_names[4] + " is bent 8 deviations"));
 }
 
 TEST(AssessRegistration, SeesStretchAndJumps) {
