@@ -10,8 +10,8 @@
 #include <tbb/parallel_for.h>
 
 #include "app/console.h"
+#include "app/evaluate_fit.h"
 #include "app/truth.h"
-#include "contact/label.h"
 #include "core/error.h"
 #include "io/atomic_file.h"
 #include "io/calibration_file.h"
@@ -28,16 +28,6 @@ using nlohmann::json;
 namespace fs = std::filesystem;
 
 constexpr double kInlier_m = 0.001;  // points further from the surface are outliers
-
-/// A mean that is null until something was added.
-struct Mean {
-  double sum = 0;
-  std::size_t count = 0;
-  void Add(double value) { sum += value, ++count; }
-  json Value(double scale = 1) const {
-    return count ? json(scale * sum / static_cast<double>(count)) : json(nullptr);
-  }
-};
 
 double Percentile(std::vector<double> values, double share) {
   const auto at = values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
@@ -198,79 +188,6 @@ json ScoreReconstruction(const io::TakePaths& take, const io::TakeReader& reader
   return section;
 }
 
-/// How far an estimated ground lies above the true, sagged glass in the middle of the true contact (of the plate, without any).
-double HeightOverGlass(const FrameTruth& truth, const GroundPlane& ground) {
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  int touching = 0;
-  for (const Eigen::Vector3d& v : truth.mesh.vertices) {
-    if (truth.Gap(v) < contact::kContactGap_m) sum += v, ++touching;
-  }
-  const Eigen::Vector3d middle = sum / std::max(touching, 1);
-  return ground.offset_m + ground.slope_x * middle.x() + ground.slope_y * middle.y() + truth.sag.At(middle.x(), middle.y());
-}
-
-json ScoreContact(const io::TakePaths& take, const std::optional<model::FootModel>& model, const TakeTruth& truth) {
-  json section{{"precision", nullptr}, {"recall", nullptr}, {"f1", nullptr}, {"plane_offset_mm", nullptr}, {"plane_tilt_deg", nullptr}};
-  if (!fs::exists(take.Contact())) return section;
-  const io::ContactFile file = io::ReadContact(take.Contact());
-  Mean offset, tilt;
-  std::size_t both = 0, labelled = 0, touching = 0;
-  for (std::size_t f = 0; f < file.triggers.size(); ++f) {
-    tilt.Add(std::atan(std::hypot(file.ground[f].slope_x, file.ground[f].slope_y)) * 180 / M_PI);
-    const auto frame = std::find_if(truth.frames.begin(), truth.frames.end(),
-                                    [&](const FrameTruth& t) { return t.trigger == file.triggers[f]; });
-    if (frame == truth.frames.end()) continue;
-    offset.Add(std::abs(HeightOverGlass(*frame, file.ground[f])));
-    if (!model || model->material.empty() || file.contact.empty()) continue;
-    const std::vector<Eigen::Vector3d> positions = MaterialPositions(*model, frame->mesh, truth.side);
-    if (positions.size() != file.contact[f].contact.size()) continue;
-    for (std::size_t v = 0; v < positions.size(); ++v) {
-      const bool is = frame->Gap(positions[v]) < contact::kContactGap_m, said = file.contact[f].contact[v] != 0;
-      both += is && said;
-      labelled += said;
-      touching += is;
-    }
-  }
-  section["plane_offset_mm"] = offset.Value(1e3);
-  section["plane_tilt_deg"] = tilt.Value();
-  if (labelled > 0) section["precision"] = double(both) / double(labelled);
-  if (touching > 0) section["recall"] = double(both) / double(touching);
-  if (labelled + touching > 0) section["f1"] = 2.0 * double(both) / double(labelled + touching);
-  return section;
-}
-
-json ScoreFit(const io::TakePaths& take, const std::optional<model::FootModel>& model, const TakeTruth& truth) {
-  json section{{"v2v_contact_mm", nullptr}, {"v2v_noncontact_mm", nullptr}, {"surface_mean_mm", nullptr}, {"seconds_per_frame", nullptr}};
-  if (!fs::exists(take.Fit())) return section;
-  const FitSequence fit = io::ReadFit(take.Fit());
-  Mean contact, free, surface;
-  for (const FrameFit& frame : fit.frames) {
-    const auto true_frame = std::find_if(truth.frames.begin(), truth.frames.end(),
-                                         [&](const FrameTruth& t) { return t.trigger == frame.trigger; });
-    if (!frame.found || true_frame == truth.frames.end()) continue;
-    const model::SurfaceQuery query(true_frame->mesh);
-    for (Eigen::Index v = 0; v < frame.vertices_m.rows(); ++v) {
-      if (const auto hit = query.Closest(frame.vertices_m.row(v).transpose(), 0.1)) surface.Add(hit->distance_m);
-    }
-    if (!model || model->material.empty()) continue;
-    const std::vector<Eigen::Vector3d> positions = MaterialPositions(*model, true_frame->mesh, truth.side);
-    if (static_cast<Eigen::Index>(positions.size()) != frame.vertices_m.rows()) continue;
-    Mean v2v;
-    bool touches = false;
-    for (std::size_t v = 0; v < positions.size(); ++v) {
-      v2v.Add((positions[v] - frame.vertices_m.row(static_cast<Eigen::Index>(v)).transpose()).norm());
-      touches |= true_frame->Gap(positions[v]) < contact::kContactGap_m;
-    }
-    (touches ? contact : free).Add(v2v.Value().get<double>());
-  }
-  section["v2v_contact_mm"] = contact.Value(1e3);
-  section["v2v_noncontact_mm"] = free.Value(1e3);
-  section["surface_mean_mm"] = surface.Value(1e3);
-  const fs::path stats = take.root / "fit.json";
-  if (fs::exists(stats)) section["seconds_per_frame"] = json::parse(io::ReadFile(stats)).value("seconds_per_frame", json());
-  return section;
-}
-
 json ScoreMeasurements(const io::TakePaths& take, const TakeTruth& truth) {
   json section{{"length_error_mm", nullptr}, {"ball_width_error_mm", nullptr}};
   if (!fs::exists(take.Measurements())) return section;
@@ -303,11 +220,18 @@ json EvaluateTake(const fs::path& directory, const std::optional<model::FootMode
   const io::TakePaths take{directory};
   const io::TakeReader reader(directory, Log);
   const TakeTruth truth = ReadTruth(directory);
+  std::optional<io::ContactFile> contact;
+  if (fs::exists(take.Contact())) contact = io::ReadContact(take.Contact());
+  std::optional<FitSequence> fitted;
+  if (fs::exists(take.Fit())) fitted = io::ReadFit(take.Fit());
+  json fit = ScoreFit(fitted, model, truth);
+  const fs::path stats = take.root / "fit.json";
+  if (fitted && fs::exists(stats)) fit["seconds_per_frame"] = json::parse(io::ReadFile(stats)).value("seconds_per_frame", json());
   return {{"capture", ScoreCapture(take, reader)},
           {"calibration", ScoreCalibration(take)},
           {"reconstruction", ScoreReconstruction(take, reader, truth)},
-          {"contact", ScoreContact(take, model, truth)},
-          {"fit", ScoreFit(take, model, truth)},
+          {"contact", ScoreContact(contact, model, truth)},
+          {"fit", fit},
           {"measure", ScoreMeasurements(take, truth)},
           {"total_seconds", nullptr},
           {"machine", MachineName()}};
