@@ -1,6 +1,6 @@
 // Registration, fit and contact labels of whole motions against truth, on clouds without images
 // (sim/scan_cloud.h): minutes instead of hours, so many people and motions can be tried.
-// usage: bench_registration [--motion NAME,...] [--people N] [--seed S] [--frames F] [--rate HZ]
+// usage: bench_registration [--motion NAME,...] [--people N] [--seed S] [--frames F] [--rate HZ] [--down] [--model FILE,...]
 #include <fmt/format.h>
 
 #include <sys/resource.h>
@@ -9,7 +9,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <filesystem>
+#include <map>
 #include <random>
+#include <string>
 #include <vector>
 
 #include "app/fit_labels.h"
@@ -33,8 +36,8 @@ struct Arguments {
   int people = 2, frames = 10;
   double rate_hz = 10, any_heading = 0;
   std::uint64_t seed = 200;
-  std::string model;
-  bool verbose = false;
+  std::vector<std::string> models;
+  bool down = false, verbose = false;
 };
 
 /// One motion of one person: what the stages get, and what they should find.
@@ -45,7 +48,21 @@ struct Take {
   std::vector<TriangleMesh> truth;
 };
 
-Take MakeTake(const std::string& name, std::uint64_t seed, const Arguments& a) {
+/// Material points that touch, of a body in the plate's frame.
+bool IsDown(const TriangleMesh& mesh, const app::ModelPair& models, Side side) {
+  const std::vector<Eigen::Vector3d> places = app::MaterialPositions(side == Side::kRight ? models.right : models.left, mesh, side);
+  return std::any_of(places.begin(), places.end(), [](const Eigen::Vector3d& p) { return p.z() < contact::kContactGap_m; });
+}
+
+/// `count` of `all`, the first and the last among them.
+std::vector<std::size_t> Spread(const std::vector<std::size_t>& all, std::size_t count) {
+  if (all.size() <= count) return all;
+  std::vector<std::size_t> some;
+  for (std::size_t k = 0; k < count; ++k) some.push_back(all[count > 1 ? k * (all.size() - 1) / (count - 1) : all.size() / 2]);
+  return some;
+}
+
+Take MakeTake(const std::string& name, std::uint64_t seed, const Arguments& a, const app::ModelPair& models) {
   const RigConfig config = MakeDefaultRig(20);
   const sim::Subject subject = sim::DrawSubject(seed);
   const sim::TrueRig rig = sim::DrawTrueRig(config, seed);
@@ -55,7 +72,9 @@ Take MakeTake(const std::string& name, std::uint64_t seed, const Arguments& a) {
   std::mt19937_64 random(seed);
   sim::MotionOptions options;
   options.motion = name;
-  options.frames = a.frames;
+  // A foot that comes down does so in the first second.
+  constexpr double kDown_s = 1.2;
+  options.frames = a.down ? std::max(a.frames, static_cast<int>(kDown_s * a.rate_hz)) : a.frames;
   options.rate_hz = a.rate_hz;
   options.seed = seed;
   options.mean_load = 0.25 + 0.75 * std::uniform_real_distribution<double>()(random);
@@ -63,8 +82,12 @@ Take MakeTake(const std::string& name, std::uint64_t seed, const Arguments& a) {
   const sim::FootMotion motion = sim::MakeMotion(subject, options);
   Take take;
   take.side = subject.side;
-  for (const sim::MotionFrame& frame : motion.frames) {
-    TriangleMesh mesh{frame.foot.foot.vertices_m, motion.triangles};
+  std::vector<std::size_t> chosen;
+  for (std::size_t f = 0; f < motion.frames.size(); ++f) {
+    if (!a.down || IsDown({motion.frames[f].foot.foot.vertices_m, motion.triangles}, models, take.side)) chosen.push_back(f);
+  }
+  for (const std::size_t f : Spread(chosen, static_cast<std::size_t>(a.frames))) {
+    TriangleMesh mesh{motion.frames[f].foot.foot.vertices_m, motion.triangles};
     const std::vector<sim::ScanView> views = sim::FindScanViews(config, rig, mesh, dark);
     take.clouds.push_back(sim::MakeScanCloud(
         mesh, views, sim::DefaultScanNoise(),
@@ -103,14 +126,28 @@ struct Reliability {
     ++count[bin];
     touching[bin] += touches;
   }
-  void Print() const {
-    fmt::print("\n| probability said | vertices | share that touches |\n|---|---|---|\n");
-    for (std::size_t b = 0; b < count.size(); ++b) {
-      fmt::print("| {:.1f} to {:.1f} | {} | {} |\n", 0.1 * double(b), 0.1 * double(b + 1), count[b],
-                 count[b] ? fmt::format("{:.2f}", double(touching[b]) / double(count[b])) : "-");
-    }
+  std::string Cell(std::size_t b) const {
+    return count[b] ? fmt::format("{:.2f} of {}", double(touching[b]) / double(count[b]), count[b]) : "-";
   }
 };
+
+/// Share that truly touches of the labels of every probability, a column a motion.
+void PrintReliability(const std::string& model, const std::map<std::string, Reliability>& motions) {
+  Reliability all;
+  fmt::print("\n{}\n\n| probability said |", model);
+  for (const auto& [name, r] : motions) {
+    fmt::print(" {} |", name);
+    for (std::size_t b = 0; b < r.count.size(); ++b) all.count[b] += r.count[b], all.touching[b] += r.touching[b];
+  }
+  fmt::print(" all |\n|---|---|");
+  for (std::size_t k = 0; k < motions.size(); ++k) fmt::print("---|");
+  for (std::size_t b = 0; b < all.count.size(); ++b) {
+    fmt::print("\n| {:.1f} to {:.1f} |", 0.1 * double(b), 0.1 * double(b + 1));
+    for (const auto& [name, r] : motions) fmt::print(" {} |", r.Cell(b));
+    fmt::print(" {} |", all.Cell(b));
+  }
+  fmt::print("\n");
+}
 
 void Add(const Take& take, const FitSequence& fit, const app::ModelPair& models,
          const std::string& name, bool verbose, Score& score, Reliability& reliability) {
@@ -171,46 +208,59 @@ void Add(const Take& take, const FitSequence& fit, const app::ModelPair& models,
   score.wrong_side += wrong;
 }
 
+void FitTake(const Take& take, const app::ModelPair& models, const std::string& name, bool verbose, Score& s,
+             Reliability& reliability) {
+  model::FitOptions options;
+  options.label_contact = [&](const Eigen::MatrixX3d& registered_m, const Eigen::VectorXd& sd_m,
+                              const Eigen::MatrixX3d& undeformed_m, std::size_t f) {
+    return contact::LabelContact({registered_m, sd_m, undeformed_m, take.clouds[f]}, GroundPlane{}).probability;
+  };
+  const double begin = ProcessorSeconds();
+  double first = 0;
+  FitSequence fit =
+      model::FitFrames(models.right, models.left, take.clouds, take.triggers, options, [&](int done, int) {
+        if (done == 1) first = ProcessorSeconds() - begin;
+      });
+  s.first_seconds += first;
+  s.later_seconds += ProcessorSeconds() - begin - first;
+  app::CurateFit(models, take.clouds, fit);
+  Add(take, fit, models, name, verbose, s, reliability);
+}
+
+void PrintScore(const std::string& name, const std::string& model, const Score& s) {
+  const auto mean = [](double sum, int n) { return n ? fmt::format("{:.2f}", sum / n) : "-"; };
+  fmt::print("| {} | {} | {} | {} | {} | {} | {} | {} | {}, {:.2f}, {:.2f}, {:.2f} | {}, {} | {:.3f} | {:.3f} | {:.3f} | {:.2f}, {:.2f} |\n",
+             name, model, s.takes, s.frames, s.found, s.good, s.good_but_far, s.wrong_side,
+             mean(s.registration, s.found), s.worst_registration,
+             s.vertex[0] / double(std::max(s.vertices[0], 1L)), s.vertex[1] / double(std::max(s.vertices[1], 1L)),
+             mean(s.fit[1], s.fitted[1]), mean(s.fit[0], s.fitted[0]), s.found ? s.residual / s.found : 0.0,
+             s.said + s.touching ? 2.0 * double(s.both) / double(s.said + s.touching) : 1.0,
+             s.free ? double(s.free_right) / double(s.free) : 1.0, s.first_seconds / std::max(1, s.takes),
+             s.later_seconds / std::max(1, s.frames - s.takes));
+  std::fflush(stdout);
+}
+
 int Run(const Arguments& a) {
-  const app::ModelPair models =
-      app::LoadModelPair(a.model.empty() ? app::DefaultModelPath() : std::filesystem::path(a.model));
+  std::vector<std::filesystem::path> paths(a.models.begin(), a.models.end());
+  if (paths.empty()) paths.push_back(app::DefaultModelPath());
+  std::vector<app::ModelPair> models;
+  for (const std::filesystem::path& path : paths) models.push_back(app::LoadModelPair(path));
   fmt::print(
-      "| motion | takes | frames | found | good | good but off | wrong side | registration, mm: mean, worst, of free and touching vertices | fit, "
-      "mm: contact, air | scan to surface, mm | contact F1 | near but free | CPU s: first frame, each further one |\n"
-      "|---|---|---|---|---|---|---|---|---|---|---|---|---|\n");
-  Reliability reliability;
+      "| motion | model | takes | frames | found | good | good but off | wrong side | registration, mm: mean, worst, of free and touching "
+      "vertices | fit, mm: contact, air | scan to surface, mm | contact F1 | near but free | CPU s: first frame, each further one |\n"
+      "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n");
+  std::vector<std::map<std::string, Reliability>> reliability(models.size());
   for (const std::string& name : a.motions) {
-    Score s;
+    std::vector<Score> scores(models.size());
     for (int p = 0; p < a.people; ++p) {
-      const Take take = MakeTake(name, a.seed + static_cast<std::uint64_t>(p), a);
-      model::FitOptions options;
-      options.label_contact = [&](const Eigen::MatrixX3d& registered_m, const Eigen::VectorXd& sd_m,
-                                  const Eigen::MatrixX3d& undeformed_m, std::size_t f) {
-        return contact::LabelContact({registered_m, sd_m, undeformed_m, take.clouds[f]}, GroundPlane{}).probability;
-      };
-      const double begin = ProcessorSeconds();
-      double first = 0;
-      FitSequence fit =
-          model::FitFrames(models.right, models.left, take.clouds, take.triggers, options, [&](int done, int) {
-            if (done == 1) first = ProcessorSeconds() - begin;
-          });
-      s.first_seconds += first;
-      s.later_seconds += ProcessorSeconds() - begin - first;
-      app::CurateFit(models, take.clouds, fit);
-      Add(take, fit, models, name, a.verbose, s, reliability);
+      const Take take = MakeTake(name, a.seed + static_cast<std::uint64_t>(p), a, models.front());
+      if (take.clouds.empty()) continue;
+      for (std::size_t m = 0; m < models.size(); ++m)
+        FitTake(take, models[m], name, a.verbose, scores[m], reliability[m][name]);
     }
-    const auto mean = [](double sum, int n) { return n ? fmt::format("{:.2f}", sum / n) : "-"; };
-    fmt::print("| {} | {} | {} | {} | {} | {} | {} | {}, {:.2f}, {:.2f}, {:.2f} | {}, {} | {:.3f} | {:.3f} | {:.3f} | {:.2f}, {:.2f} |\n", name,
-               s.takes, s.frames, s.found, s.good, s.good_but_far, s.wrong_side,
-               mean(s.registration, s.found), s.worst_registration,
-               s.vertex[0] / double(std::max(s.vertices[0], 1L)), s.vertex[1] / double(std::max(s.vertices[1], 1L)), mean(s.fit[1], s.fitted[1]),
-               mean(s.fit[0], s.fitted[0]), s.found ? s.residual / s.found : 0.0,
-               s.said + s.touching ? 2.0 * double(s.both) / double(s.said + s.touching) : 1.0,
-               s.free ? double(s.free_right) / double(s.free) : 1.0, s.first_seconds / s.takes,
-               s.later_seconds / std::max(1, s.frames - s.takes));
-    std::fflush(stdout);
+    for (std::size_t m = 0; m < models.size(); ++m) PrintScore(name, paths[m].stem().string(), scores[m]);
   }
-  reliability.Print();
+  for (std::size_t m = 0; m < models.size(); ++m) PrintReliability(paths[m].stem().string(), reliability[m]);
   return 0;
 }
 
@@ -226,7 +276,8 @@ int main(int argc, char** argv) {
   program.add_option("--rate", a.rate_hz, "Frames a second");
   program.add_option("--turn", a.any_heading, "Share of a half turn that feet are turned by at most");
   program.add_option("--seed", a.seed, "First person")->capture_default_str();
-  program.add_option("--model", a.model, "Model file instead of the shipped one");
+  program.add_flag("--down", a.down, "Only frames in which the foot is down, at least in part, spread over the first 1.2 s");
+  program.add_option("--model", a.models, "Model files instead of the shipped one; all fit the same clouds")->delimiter(',');
   program.add_flag("--verbose", a.verbose, "A line a frame");
   CLI11_PARSE(program, argc, argv);
   try {
