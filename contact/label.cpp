@@ -92,38 +92,53 @@ Around LookAround(const SolePoints& sole, const Eigen::Vector2d& place, const La
 
 }  // namespace
 
-FrameContact LabelContact(const SkinEvidence& skin, const GroundPlane& ground, const GroundSurface& calibrated,
-                          const LabelOptions& options) {
+std::vector<VertexEvidence> GatherEvidence(const SkinEvidence& skin, const GroundPlane& ground, const GroundSurface& calibrated,
+                                           const LabelOptions& options) {
   const Eigen::Index n = skin.registered_m.rows();
   Require(skin.registered_sd_m.size() == n && skin.undeformed_m.rows() == n,
           fmt::format("contact: {} registered vertices, {} standard deviations, {} vertices of the model", n,
                       skin.registered_sd_m.size(), skin.undeformed_m.rows()));
+  constexpr double kDeepest_m = 0.004, kHighest_m = 0.002, kFewest = 0.5, kNever = 0.03;
+  const auto scaled = [](double gap_m) { return std::asinh((gap_m - kContactGap_m) / kContactGap_m); };
   const SolePoints sole(skin.scan, ground, calibrated, options);
+  std::vector<VertexEvidence> evidence(static_cast<std::size_t>(n));
+  for (Eigen::Index i = 0; i < n; ++i) {
+    VertexEvidence& at = evidence[static_cast<std::size_t>(i)];
+    const Eigen::Vector3d vertex = skin.registered_m.row(i).transpose();
+    at.gap_m = std::nan("");
+    if (!vertex.allFinite()) continue;
+    at.gap_m = Gap(ground, vertex, calibrated);
+    if (at.gap_m < options.near_m) {
+      const Around around = LookAround(sole, vertex.head<2>(), options);
+      if (around.gap_m) at.gap_m = *around.gap_m;
+      if (around.points >= kFewest) {
+        at.share = std::log((around.share + kNever) / (1 - around.share + kNever));
+        if (around.gap_m) at.gap = scaled(*around.gap_m);
+      }
+    } else {
+      at.gap = scaled(at.gap_m);
+    }
+    at.depth_m = std::clamp(Gap(ground, skin.undeformed_m.row(i).transpose(), calibrated), -kDeepest_m, kHighest_m);
+    at.sd_m = std::hypot(skin.registered_sd_m[i], ground.sigma_m);
+  }
+  return evidence;
+}
+
+FrameContact LabelContact(const SkinEvidence& skin, const GroundPlane& ground, const GroundSurface& calibrated,
+                          const LabelOptions& options) {
+  const std::vector<VertexEvidence> evidence = GatherEvidence(skin, ground, calibrated, options);
+  const auto n = static_cast<Eigen::Index>(evidence.size());
   FrameContact labels;
-  labels.contact.assign(static_cast<std::size_t>(n), 0);
+  labels.contact.assign(evidence.size(), 0);
   labels.probability = Eigen::VectorXd::Zero(n);
   labels.gap_m = Eigen::VectorXd::Constant(n, std::nan(""));
   for (Eigen::Index i = 0; i < n; ++i) {
-    const Eigen::Vector3d vertex = skin.registered_m.row(i).transpose();
-    if (!vertex.allFinite()) continue;
-    labels.gap_m[i] = Gap(ground, vertex, calibrated);
-    double odds = options.odds;
-    constexpr double kDeepest_m = 0.004, kHighest_m = 0.002;
-    if (labels.gap_m[i] < options.near_m) {
-      const Around around = LookAround(sole, vertex.head<2>(), options);
-      constexpr double kFewest = 0.5, kNever = 0.03;
-      if (around.gap_m) labels.gap_m[i] = *around.gap_m;
-      if (around.points >= kFewest) {
-        odds += options.odds_share * std::log((around.share + kNever) / (1 - around.share + kNever));
-        if (around.gap_m) odds += options.odds_gap * std::asinh((*around.gap_m - kContactGap_m) / kContactGap_m);
-      }
-    } else {
-      odds += options.odds_gap * std::asinh((labels.gap_m[i] - kContactGap_m) / kContactGap_m);
-    }
-    const double depth = Gap(ground, skin.undeformed_m.row(i).transpose(), calibrated);
-    odds += options.odds_depth_per_m * std::clamp(depth, -kDeepest_m, kHighest_m);
+    const VertexEvidence& at = evidence[static_cast<std::size_t>(i)];
+    if (std::isnan(at.gap_m)) continue;
+    labels.gap_m[i] = at.gap_m;
+    double odds = options.odds + options.odds_share * at.share + options.odds_gap * at.gap + options.odds_depth_per_m * at.depth_m;
     // A vertex that the scan does not hold: odds over its deviation's spread (MacKay's approximation of the mean logistic).
-    const double spread = options.odds_depth_per_m * std::hypot(skin.registered_sd_m[i], ground.sigma_m);
+    const double spread = options.odds_depth_per_m * at.sd_m;
     odds /= std::sqrt(1 + M_PI / 8 * spread * spread);
     labels.probability[i] = 1 / (1 + std::exp(-odds));
     labels.contact[static_cast<std::size_t>(i)] = odds > 0;

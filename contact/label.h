@@ -1,5 +1,7 @@
 #pragma once
 
+#include <vector>
+
 #include <Eigen/Core>
 
 #include "core/fit_sequence.h"
@@ -28,6 +30,17 @@ struct LabelOptions {
   /// simulated people (docs/accuracy.md).
   double odds = -1.13, odds_share = 0.464, odds_gap = -0.745, odds_depth_per_m = -2298;
 };
+
+/// What one vertex has to say, see LabelContact; zero is what says nothing.
+struct VertexEvidence {
+  double share = 0;    ///< log odds of the scan around it that touches
+  double gap = 0;      ///< asinh((gap - 0.1 mm) / 0.1 mm)
+  double depth_m = 0;  ///< height of the undeformed vertex over the glass, -4 to 2 mm
+  double sd_m = 0;     ///< of registered vertex and ground together
+  double gap_m = 0;    ///< of the skin; NaN for a vertex that is no number
+};
+std::vector<VertexEvidence> GatherEvidence(const SkinEvidence& skin, const GroundPlane& ground, const GroundSurface& calibrated = {},
+                                           const LabelOptions& options = {});
 
 /// Contact of every vertex. A registered vertex lies about a millimetre beside its place on the skin, so its own height says
 /// little near the border of the contact. Three figures are asked, and the probability is the logistic of their sum:

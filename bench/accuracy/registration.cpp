@@ -10,7 +10,9 @@
 #include <array>
 #include <cmath>
 #include <filesystem>
+#include <cstdio>
 #include <map>
+#include <memory>
 #include <random>
 #include <string>
 #include <vector>
@@ -23,6 +25,7 @@
 #include "contact/temporal.h"
 #include "core/error.h"
 #include "model/fit.h"
+#include "model/forward.h"
 #include "sim/foot.h"
 #include "sim/motion.h"
 #include "sim/scan_cloud.h"
@@ -38,6 +41,7 @@ struct Arguments {
   std::uint64_t seed = 200;
   std::vector<std::string> models;
   bool down = false, verbose = false;
+  std::string evidence;
 };
 
 /// One motion of one person: what the stages get, and what they should find.
@@ -208,8 +212,27 @@ void Add(const Take& take, const FitSequence& fit, const app::ModelPair& models,
   score.wrong_side += wrong;
 }
 
+/// A line a vertex near the glass: what labels rest on and the true gap, for a regression of LabelOptions.
+void WriteEvidence(const Take& take, const FitSequence& fit, const app::ModelPair& models, const std::string& label, std::FILE* file) {
+  for (std::size_t f = 0; f < fit.frames.size(); ++f) {
+    const FrameFit& frame = fit.frames[f];
+    if (!frame.found || frame.side != take.side) continue;
+    const model::FootModel& model = take.side == Side::kRight ? models.right : models.left;
+    const Eigen::MatrixX3d undeformed = model::Forward(model, {frame.theta, fit.beta, frame.translation_m, {}}).vertices_m;
+    const std::vector<contact::VertexEvidence> evidence =
+        contact::GatherEvidence({frame.registration_m, frame.registration_sd_m, undeformed, take.clouds[f]}, GroundPlane{});
+    const std::vector<Eigen::Vector3d> places = app::MaterialPositions(model, take.truth[f], take.side);
+    for (std::size_t v = 0; v < places.size(); ++v) {
+      const contact::VertexEvidence& e = evidence[v];
+      if (e.gap_m > 0.01 && places[v].z() > 0.01) continue;
+      fmt::print(file, "{},{},{},{:.4f},{:.4f},{:.6f},{:.6f},{:.6f},{:.6f}\n", label, f, v, e.share, e.gap, e.depth_m, e.sd_m, e.gap_m,
+                 places[v].z());
+    }
+  }
+}
+
 void FitTake(const Take& take, const app::ModelPair& models, const std::string& name, bool verbose, Score& s,
-             Reliability& reliability) {
+             Reliability& reliability, std::FILE* evidence, const std::string& label) {
   model::FitOptions options;
   options.label_contact = [&](const Eigen::MatrixX3d& registered_m, const Eigen::VectorXd& sd_m,
                               const Eigen::MatrixX3d& undeformed_m, std::size_t f) {
@@ -225,6 +248,7 @@ void FitTake(const Take& take, const app::ModelPair& models, const std::string& 
   s.later_seconds += ProcessorSeconds() - begin - first;
   app::CurateFit(models, take.clouds, fit);
   Add(take, fit, models, name, verbose, s, reliability);
+  if (evidence) WriteEvidence(take, fit, models, label, evidence);
 }
 
 void PrintScore(const std::string& name, const std::string& model, const Score& s) {
@@ -249,6 +273,9 @@ int Run(const Arguments& a) {
       "| motion | model | takes | frames | found | good | good but off | wrong side | registration, mm: mean, worst, of free and touching "
       "vertices | fit, mm: contact, air | scan to surface, mm | contact F1 | near but free | CPU s: first frame, each further one |\n"
       "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n");
+  std::unique_ptr<std::FILE, int (*)(std::FILE*)> evidence(a.evidence.empty() ? nullptr : std::fopen(a.evidence.c_str(), "w"), std::fclose);
+  Require(a.evidence.empty() || evidence, a.evidence + " cannot be written");
+  if (evidence) fmt::print(evidence.get(), "model,motion,person,frame,vertex,share,gap,depth_m,sd_m,gap_m,true_gap_m\n");
   std::vector<std::map<std::string, Reliability>> reliability(models.size());
   for (const std::string& name : a.motions) {
     std::vector<Score> scores(models.size());
@@ -256,7 +283,8 @@ int Run(const Arguments& a) {
       const Take take = MakeTake(name, a.seed + static_cast<std::uint64_t>(p), a, models.front());
       if (take.clouds.empty()) continue;
       for (std::size_t m = 0; m < models.size(); ++m)
-        FitTake(take, models[m], name, a.verbose, scores[m], reliability[m][name]);
+        FitTake(take, models[m], name, a.verbose, scores[m], reliability[m][name], evidence.get(),
+                fmt::format("{},{},{}", paths[m].stem().string(), name, a.seed + static_cast<std::uint64_t>(p)));
     }
     for (std::size_t m = 0; m < models.size(); ++m) PrintScore(name, paths[m].stem().string(), scores[m]);
   }
@@ -278,6 +306,7 @@ int main(int argc, char** argv) {
   program.add_option("--seed", a.seed, "First person")->capture_default_str();
   program.add_flag("--down", a.down, "Only frames in which the foot is down, at least in part, spread over the first 1.2 s");
   program.add_option("--model", a.models, "Model files instead of the shipped one; all fit the same clouds")->delimiter(',');
+  program.add_option("--evidence", a.evidence, "CSV file of what labels rest on and the true gaps, a line a vertex");
   program.add_flag("--verbose", a.verbose, "A line a frame");
   CLI11_PARSE(program, argc, argv);
   try {
