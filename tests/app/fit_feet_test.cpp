@@ -7,6 +7,7 @@
 
 #include "app/fit_sequences.h"
 #include "app/truth.h"
+#include "tests/app/shipped_models.h"
 #include "tests/support/feet.h"
 
 namespace sole::app {
@@ -17,11 +18,6 @@ using testing_support::Append;
 using testing_support::CloudOf;
 using testing_support::MakeStandingFoot;
 using testing_support::StandingFoot;
-
-const ModelPair& Models() {
-  static const ModelPair models = LoadModelPair(SOLE_MODEL_FILE);
-  return models;
-}
 
 /// Something as long and wide as a foot, without the cost of one.
 PointCloud Slipper(const Eigen::Vector3d& middle, double heading_rad, unsigned seed) {

@@ -10,6 +10,7 @@
 #include "model/curation.h"
 #include "model/mirror.h"
 #include "model/model_file.h"
+#include "tests/app/shipped_models.h"
 #include "tests/support/feet.h"
 #include "tests/support/temp_dir.h"
 
@@ -22,11 +23,6 @@ using testing_support::Append;
 using testing_support::CloudOf;
 using testing_support::MakeStandingFoot;
 using testing_support::StandingFoot;
-
-const ModelPair& Models() {
-  static const ModelPair models = LoadModelPair(SOLE_MODEL_FILE);
-  return models;
-}
 
 std::vector<FootFit> FitOne(const std::vector<PointCloud>& clouds, std::vector<std::string>* log = nullptr) {
   TakeClouds take{clouds, {}};

@@ -10,6 +10,7 @@
 #include "io/mesh_file.h"
 #include "io/take.h"
 #include "model/forward.h"
+#include "tests/app/shipped_models.h"
 #include "tests/support/error_matcher.h"
 #include "tests/support/foreign_scan.h"
 #include "tests/support/meshes.h"
@@ -25,11 +26,6 @@ using testing_support::ForeignScan;
 using testing_support::MakeForeignScan;
 using testing_support::SurfaceDistance;
 using testing_support::TempDir;
-
-const ModelPair& Models() {
-  static const ModelPair models = LoadModelPair(SOLE_MODEL_FILE);
-  return models;
-}
 
 const model::FootModel& ModelOf(const FrameFit& frame) {
   return frame.side == Side::kRight ? Models().right : Models().left;
