@@ -33,7 +33,7 @@ struct Sequence {
 };
 
 /// Motions on the plate and in the air in turn, three in eight of them in the air (of two sequences one),
-/// none again before all were shown.
+/// none again before all were shown. Of two sequences the one on the plate has the odd frame.
 std::vector<Sequence> DrawSequences(int frames, std::uint64_t person, std::mt19937_64& random) {
   const auto shuffled = [&](auto kinds) {
     for (std::size_t i = kinds.size(); i > 1; --i) std::swap(kinds[i - 1], kinds[random() % i]);
@@ -48,7 +48,7 @@ std::vector<Sequence> DrawSequences(int frames, std::uint64_t person, std::mt199
   std::size_t plates = 0, airs = 0;
   for (int k = 0; k < count; ++k) {
     const bool air = k % 8 == 1 || k % 8 == 4 || k % 8 == 7;
-    const int its = frames * (k + 1) / count - frames * k / count;
+    const int its = (frames * (k + 1) + count - 1) / count - (frames * k + count - 1) / count;
     sequences.push_back({air ? in_air[airs++ % in_air.size()] : on_plate[plates++ % on_plate.size()], its});
   }
   return sequences;
@@ -167,6 +167,8 @@ std::optional<PersonScans> MakePersonScans(std::uint64_t seed, const RigConfig& 
     options.seed = seed + k;
     options.mean_load = 0.25 + 0.75 * std::uniform_real_distribution<double>()(random);
     options.rate_hz = options.frames / sequences[k].kind.duration_s;
+    // Else all few frames of a step would show its first moment, before the foot has come down.
+    options.start_s = std::uniform_real_distribution<double>(0, 1 / options.rate_hz)(random);
     const sim::FootMotion motion = sim::MakeMotion(subject, options);
     for (const sim::MotionFrame& frame : motion.frames) {
       if (stopped()) return {};

@@ -72,7 +72,7 @@ std::vector<MotionFrame> Rock(const Subject& subject, const MotionOptions& optio
   for (int i = 0; i < options.frames; ++i) {
     const double t = options.start_s + i / options.rate_hz;
     // Heel at the start and the end, forefoot in the middle.
-    const double phase = options.frames > 1 ? t * options.rate_hz / (options.frames - 1) : 0.0;
+    const double phase = t * options.rate_hz / std::max(options.frames - 1, 1);
     const double forward = 0.5 - 0.5 * std::cos(2 * std::numbers::pi * phase);
     const double load_n = options.mean_load * subject.weight_kg * kGravity * (1 + 0.04 * load.At(t));
     const double centre = 0.22 + 0.44 * forward;
@@ -85,29 +85,30 @@ std::vector<MotionFrame> Rock(const Subject& subject, const MotionOptions& optio
   return frames;
 }
 
-/// The foot as it would stand under a drawn load, a little tilted, its joints held: lowered onto the
-/// plate, loaded and lifted off again, so that one pose is seen with every contact.
+/// The foot as it would stand under a drawn load, its joints held: lowered onto the plate, loaded there by
+/// a weight that wanders between heel and ball and from side to side, and lifted off again, so that one pose
+/// is seen with every contact.
 std::vector<MotionFrame> Press(const Subject& subject, const MotionOptions& options,
                                std::mt19937_64& random) {
   constexpr double kPeriod = 2.4;   // seconds from one moment highest above the plate to the next
   constexpr double kHighest = 0.008, kLowest = 2e-4;  // metres above the plate
-  constexpr double kInAir = 0.35;   // of the way from there to the full load
+  constexpr double kInAir = 0.2;    // of the way from there to the full load
+  constexpr double kForward = 0.16, kAside = 0.006;   // the weight's way: of the foot's length, metres
   const Rigid3 placement = DrawPlacement(subject, options, random);
   std::uniform_real_distribution<double> unit(0, 1), both(-1, 1);
   const double weight_n = subject.weight_kg * kGravity, held_n = unit(random) * weight_n;
-  const double centre = 0.3 + 0.3 * unit(random), phase = 0.15 * both(random);
+  const double centre = 0.38 + 0.08 * unit(random), phase = 0.15 * both(random);
   FootPose pose = LoadedStandingPose(subject, held_n, centre);
   pose.world_from_foot = placement;
   const ContactOptions standing{.load_n = std::max(held_n, 0.1 * weight_n), .pressure_centre_y = centre};
   const std::vector<BoneInfo> bones = Bones(subject);
   const auto fixed = std::find_if(bones.begin(), bones.end(),
                                   [&](const BoneInfo& bone) { return bone.name == pose.fixed_bone; });
-  pose.world_from_foot = PressOnPlate(subject, pose, standing)
-                             .foot.world_from_rest.at(static_cast<std::size_t>(fixed - bones.begin()));
+  const LoadedFoot stood = PressOnPlate(subject, pose, standing);
+  pose.world_from_foot = stood.foot.world_from_rest.at(static_cast<std::size_t>(fixed - bones.begin()));
   const Eigen::Quaterniond tilt = Eigen::AngleAxisd(0.05 * both(random), Eigen::Vector3d::UnitX()) *
                                   Eigen::AngleAxisd(0.03 * both(random), Eigen::Vector3d::UnitY());
-  pose.world_from_foot = Rigid3{tilt, Eigen::Vector3d::Zero()} * pose.world_from_foot;
-  const Wave ankle(3.1, random), lean(2.7, random);
+  const Wave ankle(3.1, random), lean(2.7, random), forward(1.3, random), aside(1.7, random);
   const FootPose held = pose;
   std::vector<MotionFrame> frames;
   for (int i = 0; i < options.frames; ++i) {
@@ -117,6 +118,7 @@ std::vector<MotionFrame> Press(const Subject& subject, const MotionOptions& opti
     pose.angles_rad["talocrural.dorsiflexion"] += 0.01 * ankle.At(t);
     pose.angles_rad["subtalar.inversion"] += 0.01 * lean.At(t);
     if (way < kInAir) {
+      pose.world_from_foot = Rigid3{tilt, Eigen::Vector3d::Zero()} * pose.world_from_foot;
       MotionFrame frame = Pressed(subject, pose, {}, t);
       HoldAbovePlate(kLowest + (kHighest - kLowest) * (1 - way / kInAir), frame);
       frames.push_back(std::move(frame));
@@ -125,6 +127,8 @@ std::vector<MotionFrame> Press(const Subject& subject, const MotionOptions& opti
     const double share = std::pow((way - kInAir) / (1 - kInAir), 1.5);
     frames.push_back(Pressed(subject, pose,
                              {.load_n = std::max(0.02, options.mean_load * share) * weight_n,
+                              .pressure_centre_y = centre + kForward * forward.At(t),
+                              .pressure_centre_x_m = stood.pressure_centre_m.x() + kAside * aside.At(t),
                               .plate = options.plate}, t));
   }
   return frames;

@@ -36,7 +36,8 @@ struct FootMotion {
 };
 
 /// "stand": quiet standing with sway; "rock": the load goes from heel to forefoot and back, once over all frames; "press": a foot that
-/// holds its joints is lowered onto the plate, loaded up to `mean_load` and lifted again, so that one pose is seen under every load; "air": ankle and
+/// holds its joints is lowered onto the plate, loaded up to `mean_load` by a weight that wanders over it and lifted again, so that one
+/// pose is seen under every load; "air": ankle and
 /// toe movement 20 to 60 mm above the plate; "walk", "run" and "jump": the foot comes down on the plate, in real time from 0.1 to
 /// 0.2 s before (step_motion.h); "toes": curls and spreads above the plate, the rest of the foot held still.
 const std::vector<std::string>& MotionNames();
