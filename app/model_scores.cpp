@@ -25,6 +25,9 @@ using model::Variant;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr float kSeenSd_m = 0.0002F;  // scan points hold a vertex that is known better than this
 constexpr double kSurfaceReach_m = 0.02;
+// What a registered vertex is worth against beta ~ N(0, I): a model that fits explains them to 0.2 mm, and with
+// much more the fit holds shape coefficients of a tenth of a millimetre near zero.
+constexpr double kSigma_m = 0.0003, kThetaSd_rad = 0.3;
 
 Eigen::MatrixX3d Mirrored(const Eigen::MatrixX3f& points, Side side) {
   Eigen::MatrixX3d result = points.cast<double>();
@@ -65,8 +68,7 @@ SpecimenScore ScoreSpecimen(const FootModel& model, const Specimen& specimen, in
   ModelParameters start = model::RigidStart(model, specimen.coarse_m, specimen.seen);
   if (betas >= 0) start.beta = Eigen::VectorXd::Zero(std::min<Index>(betas, model.NumBetas()));
   start.contact = specimen.contact;
-  model::VertexFitOptions options;
-  options.weights = specimen.seen;
+  model::VertexFitOptions options{.sigma_m = kSigma_m, .theta_sd_rad = kThetaSd_rad, .weights = specimen.seen};
   const ModelParameters fit =
       FitVertices(model, Variant::kCoarse, specimen.coarse_m, start, options).parameters;
   const Eigen::MatrixX3d fitted = Forward(model, fit).vertices_m;
