@@ -12,6 +12,21 @@ namespace {
 
 using nlohmann::json;
 
+constexpr double kUnclear_m = 0.00005;  // gaps that differ less from kContactGap_m are neither contact nor none
+constexpr double kNear_m = 0.003;
+
+/// Labels against truth.
+struct Labels {
+  std::size_t both = 0, said = 0, touching = 0;
+  void Add(double gap_m, bool label) {
+    const bool is = gap_m < contact::kContactGap_m;
+    both += is && label;
+    said += label;
+    touching += is;
+  }
+  json F1() const { return said + touching > 0 ? json(2.0 * double(both) / double(said + touching)) : json(nullptr); }
+};
+
 const FrameTruth* TruthOf(const TakeTruth& truth, std::int64_t trigger) {
   const auto frame =
       std::find_if(truth.frames.begin(), truth.frames.end(), [&](const FrameTruth& t) { return t.trigger == trigger; });
@@ -40,11 +55,12 @@ double HeightOverGlass(const FrameTruth& truth, const GroundPlane& ground) {
 }  // namespace
 
 json ScoreContact(const std::optional<io::ContactFile>& found, const std::optional<model::FootModel>& model, const TakeTruth& truth) {
-  json section{{"precision", nullptr}, {"recall", nullptr}, {"f1", nullptr}, {"plane_offset_mm", nullptr}, {"plane_tilt_deg", nullptr}};
+  json section{{"precision", nullptr}, {"recall", nullptr}, {"f1", nullptr}, {"f1_clear", nullptr}, {"near_free", nullptr}, {"plane_offset_mm", nullptr}, {"plane_tilt_deg", nullptr}};
   if (!found) return section;
   const io::ContactFile& file = *found;
   Mean offset, tilt;
-  std::size_t both = 0, labelled = 0, touching = 0;
+  Labels all, clear;
+  std::size_t near_free = 0, near_labelled_free = 0;
   for (std::size_t f = 0; f < file.triggers.size(); ++f) {
     tilt.Add(std::atan(std::hypot(file.ground[f].slope_x, file.ground[f].slope_y)) * 180 / M_PI);
     const FrameTruth* frame = TruthOf(truth, file.triggers[f]);
@@ -54,17 +70,22 @@ json ScoreContact(const std::optional<io::ContactFile>& found, const std::option
     const std::vector<Eigen::Vector3d> positions = MaterialPositions(*model, frame->mesh, truth.side);
     if (positions.size() != file.contact[f].contact.size()) continue;
     for (std::size_t v = 0; v < positions.size(); ++v) {
-      const bool is = frame->Gap(positions[v]) < contact::kContactGap_m, said = file.contact[f].contact[v] != 0;
-      both += is && said;
-      labelled += said;
-      touching += is;
+      const double gap = frame->Gap(positions[v]);
+      const bool said = file.contact[f].contact[v] != 0;
+      all.Add(gap, said);
+      if (std::abs(gap - contact::kContactGap_m) > kUnclear_m) clear.Add(gap, said);
+      if (gap < contact::kContactGap_m + kUnclear_m || gap > kNear_m) continue;
+      ++near_free;
+      near_labelled_free += !said;
     }
   }
   section["plane_offset_mm"] = offset.Value(1e3);
   section["plane_tilt_deg"] = tilt.Value();
-  if (labelled > 0) section["precision"] = double(both) / double(labelled);
-  if (touching > 0) section["recall"] = double(both) / double(touching);
-  if (labelled + touching > 0) section["f1"] = 2.0 * double(both) / double(labelled + touching);
+  if (all.said > 0) section["precision"] = double(all.both) / double(all.said);
+  if (all.touching > 0) section["recall"] = double(all.both) / double(all.touching);
+  section["f1"] = all.F1();
+  section["f1_clear"] = clear.F1();
+  if (near_free > 0) section["near_free"] = double(near_labelled_free) / double(near_free);
   return section;
 }
 

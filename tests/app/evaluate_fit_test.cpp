@@ -82,6 +82,14 @@ TEST(ScoreContact, CountsLabelsByTheTrueGap) {
   }
   ASSERT_GT(touching, 0);
   EXPECT_EQ(ScoreContact(file, Model(), truth)["f1"].get<double>(), 1);
+  EXPECT_EQ(ScoreContact(file, Model(), truth)["near_free"].get<double>(), 1);
+  // A wrong label where the gap is neither one nor the other costs f1 alone.
+  FrameTruth& frame = truth.frames[0];
+  for (Eigen::Vector3d& v : frame.mesh.vertices) v.z() += 0.00002;  // the lowest is now 0.07 mm up
+  const Eigen::MatrixX3d raised = Places(frame);
+  for (Eigen::Index v = 0; v < raised.rows(); ++v) file.contact[0].contact[static_cast<std::size_t>(v)] = raised(v, 2) < 0.00005;
+  EXPECT_EQ(ScoreContact(file, Model(), truth)["f1"].get<double>(), 0);
+  EXPECT_TRUE(ScoreContact(file, Model(), truth)["f1_clear"].is_null());
   std::fill(file.contact[0].contact.begin(), file.contact[0].contact.end(), 1);
   EXPECT_NEAR(ScoreContact(file, Model(), truth)["precision"].get<double>(),
               static_cast<double>(touching) / static_cast<double>(places.rows()), 1e-12);
