@@ -2,10 +2,9 @@
 
 #include <Eigen/Core>
 #include <functional>
-#include <optional>
-#include <span>
 #include <vector>
 
+#include "recon/match_starts.h"
 #include "recon/rectify.h"
 #include "recon/subset.h"
 
@@ -33,28 +32,12 @@ inline constexpr double kWideVarianceFactor = 2;
 /// depth in the window): at this standard deviation the variance is twice what it says.
 inline constexpr double kDoubtfulSigma_px = 0.055;
 
-/// Sub-pixel match of one left pixel.
-struct PixelMatch {
-  Eigen::Vector2i left_px;
-  SubsetMatch match;
-};
-
 struct GridMatches {
   int tried = 0;                    ///< lit grid points
   std::vector<PixelMatch> matches;  ///< row by row
   double first_share = 0;           ///< of the lit points that are matched first: those with a match
   bool cold = true;                 ///< false: seeds held, no other starts were asked for
 };
-
-/// Start of a left pixel's match; empty where nothing is known. Called from several threads.
-using StartFunction = std::function<std::optional<SubsetWarp>(const Eigen::Vector2i& left_px)>;
-
-/// Starts from the disparity (rectified pixels, NaN where unknown) and its slope within `radius_px`.
-/// Both arguments must outlive the function.
-StartFunction StartsFromDisparity(const Rectification& rectification, const ImageF& disparity,
-                                  int radius_px);
-/// The same for a pair that is rectified already: right x = left x - disparity, same row.
-StartFunction StartsFromDisparity(const ImageF& disparity, int radius_px);
 
 /// Every so many grid points of a row or column are matched first.
 inline constexpr int kFirstLevel = 2;
@@ -68,10 +51,6 @@ inline constexpr int kFirstLevel = 2;
 GridMatches MatchOnGrid(const PreparedImage& left, const PreparedImage& right, const ImageU8& mask,
                         const StartFunction& start, const GridOptions& grid = {},
                         const SubsetOptions& subset = {});
-
-/// Starts at the warps of earlier matches of the same left pixels; `matches` must outlive the
-/// function.
-StartFunction StartsFromMatches(std::span<const PixelMatch> matches);
 
 /// The same for a sequence: begins at `seeds`, say of the frame before. Where these hold, at least
 /// `min_share` of the points that are matched first have a match (counted after growing); else
