@@ -10,6 +10,10 @@
 namespace sole::recon {
 namespace {
 
+// Beside the plate a raised foot turns toes and shank away from the lamps: what is dim or lit at a
+// grazing angle is uncertain by more than a sole above the lamps below it.
+constexpr double kAirSpread = 1.4;
+
 struct Candidate {
   PairPoint point;
   double gap_px = 0;
@@ -85,8 +89,8 @@ Triangulation Triangulate(const Rig& rig, int pair, std::span<const PixelMatch> 
   for (const Candidate& c : candidates) {
     if (std::isfinite(c.point.ray_sigma_m)) sigmas.push_back(c.point.ray_sigma_m);
   }
-  const double max_sigma_m =
-      std::min(options.max_sigma_m, options.max_sigma_ratio * Median(std::move(sigmas)));
+  const double ratio = options.max_sigma_ratio * (glass ? 1 : kAirSpread);
+  const double max_sigma_m = std::min(options.max_sigma_m, ratio * Median(std::move(sigmas)));
   Triangulation result;
   result.median_gap_px = Median(gaps);
   for (double& gap : gaps) gap = std::abs(gap - result.median_gap_px);
