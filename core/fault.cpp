@@ -28,7 +28,7 @@ constexpr FaultKind kKinds[] = {
     {"projector-off", kRig, "", 1, 1, 64, 1},
     {"missing-trigger", kCamera, "", 1, 1, 1000000, 3},
     {"double-trigger", kCamera, "ms", 10, 0.01, 1000, 3},
-    {"lights-on", kRig, "", 0.4, 0, 100, 1},
+    {"lights-on", kRig, "", 1.6, 0, 100, 1},
 };
 
 std::string Shown(double value) {

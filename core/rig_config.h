@@ -27,7 +27,7 @@ struct CameraConfig {
   Eigen::Vector3d look_at_m = Eigen::Vector3d::Zero();
   Eigen::Vector3d up = Eigen::Vector3d::UnitZ();  ///< world direction that appears upwards in the image
   double aperture_m = 0.0014;  ///< diameter of the lens' entrance pupil; simulated defocus, 0 for none
-  double exposure_us = 4000;
+  double exposure_us = 1000;
   double gain_db = 0;
   int packet_size = 9000;
   int packet_delay_ns = 0;
@@ -111,7 +111,7 @@ struct ProjectorConfig {
 struct SimulationConfig {
   std::vector<ProjectorConfig> projectors;
   double noise = 1.0;  ///< scales photon and read noise; 0 is noise-free
-  double ambient_light = 0.02;    ///< of the room on every surface, 1 = full white; 0 is off
+  double ambient_light = 0.02;    ///< of the room on every surface, 1 = full white in 4 ms; 0 is off
   double trigger_jitter_us = 2;   ///< standard deviation of each camera's start of exposure
   bool plate_sag = true;  ///< the glass bends under the foot's load
   std::vector<FaultConfig> faults;

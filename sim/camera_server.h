@@ -26,7 +26,7 @@ struct ServedCamera {
   std::string address{};  ///< 127.x.y.z, its own
   int width = 1624;       ///< pixels of the sensor, 4 to 16384
   int height = 1236;
-  double exposure_us = 4000;  ///< start value of ExposureTime
+  double exposure_us = 1000;  ///< start value of ExposureTime
   double gain_db = 0;         ///< start value of Gain
   /// Error of the device clock against CLOCK_REALTIME when the server starts, and its drift, as
   /// long as PTP (feature GevIEEE1588) is not enabled.

@@ -48,7 +48,7 @@ std::vector<Vector3d> PanelPoints() {
 
 Lighting::Lighting(const RigConfig& config, const TruePlate& plate, const RenderOptions& options)
     : plate_(plate),
-      room_light_(static_cast<float>(options.ambient_light)),
+      room_light_(static_cast<float>(options.ambient_light * kLampExposure_us / kRoomLightExposure_us)),
       panels_(PanelPoints()) {
   double focal_px = std::numeric_limits<double>::infinity();
   for (const CameraConfig& camera : config.cameras) focal_px = std::min(focal_px, camera.focal_px);

@@ -17,7 +17,7 @@ struct RenderOptions {
   double noise = 1.0;       ///< scales photon and read noise; 0 is noise-free
   bool reflections = true;  ///< mirror images in the glass and ghosts of lamps
   std::uint64_t seed = 1;   ///< of slides and dust
-  double ambient_light = 0.02;  ///< irradiance of the room's light on every surface; 1: full white
+  double ambient_light = 0.02;  ///< of the room on every surface; 1: full white in 4 ms
   double dot_px = 4;  ///< mean diameter of the speckle's dots in the images, about
   double trigger_jitter_s = 0;  ///< standard deviation of each camera's start of exposure
   std::vector<int> dark_projectors{};  ///< that give no light, from 0; a fault

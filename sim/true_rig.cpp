@@ -53,7 +53,7 @@ TrueCamera DrawCamera(const CameraConfig& nominal, Draws& draws) {
       (world_from_cam.rotation * Eigen::AngleAxisd(turn.norm(), turn.stableNormalized()))
           .normalized();
   camera.cam_from_world = world_from_cam.Inverse();
-  camera.gain = (nominal.exposure_us / 4000) * std::pow(10.0, nominal.gain_db / 20) *
+  camera.gain = (nominal.exposure_us / kLampExposure_us) * std::pow(10.0, nominal.gain_db / 20) *
                 (1 + draws.Within(0.05));
   camera.analogue_gain = std::pow(10.0, nominal.gain_db / 20);
   camera.exposure_s = 1e-6 * nominal.exposure_us;

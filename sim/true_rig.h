@@ -10,6 +10,12 @@
 
 namespace sole::sim {
 
+/// Exposure that the rig's lamps are made for: their flash of this length gives a gain of 1.
+inline constexpr double kLampExposure_us = 1000;
+/// Exposure in which room light of 1 makes a white surface full white: it burns all the time, so a
+/// shorter exposure takes less of it.
+inline constexpr double kRoomLightExposure_us = 4000;
+
 /// One simulated camera as it really is. Lens: Brown-Conrady on normalised coordinates in OpenCV's
 /// order, pixel (0, 0) is the centre of the first pixel; looks along +z, x right, y down.
 struct TrueCamera {
@@ -21,7 +27,7 @@ struct TrueCamera {
   Rigid3 cam_from_world;
   double gain = 1;  ///< grey levels relative to the nominal camera (exposure and analogue gain)
   double analogue_gain = 1;   ///< the part of it that amplifies noise like light
-  double exposure_s = 0.004;  ///< how long the shutter is open
+  double exposure_s = 1e-6 * kLampExposure_us;  ///< how long the shutter is open
   double vignetting = 0;  ///< relative loss of light at the image corner
   double blur_px = 0.6;   ///< standard deviation of the lens' Gaussian blur in focus
   double aperture_m = 0;  ///< diameter of the entrance pupil; 0: everything is in focus

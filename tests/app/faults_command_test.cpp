@@ -287,7 +287,7 @@ void ExpectImageFaults(const Images& good, const Images& faulty) {
 TEST(FaultsOfTheProgram, ImageFaultsFromTheCommandLineAndTheRigFile) {
   const std::vector<std::string> faults = {"hot-pixels:F01:0.01@2",   "fog:F02:0.6@2",
                                            "bumped-camera:F03:1mm@2", "bumped-camera:F04:0.2deg@2",
-                                           "projector-off::1@3",      "lights-on::0.4@4"};
+                                           "projector-off::1@3",      "lights-on::1.6@4"};
   const TempDir directory;
   RigConfig config = MakeRig(118, 6);
   const Images good = Render(config, "", directory / "good");

@@ -33,7 +33,7 @@ TEST(DraftRig, FoundCamerasMakeARigFileThatPassesTheCheck) {
   EXPECT_EQ(draft.config.cameras[0].address, "127.0.107.12");
   EXPECT_EQ(draft.config.cameras[1].width, 320);
   EXPECT_EQ(draft.config.cameras[1].height, 96);
-  EXPECT_EQ(draft.config.cameras[1].exposure_us, 4000);
+  EXPECT_EQ(draft.config.cameras[1].exposure_us, 1000);
   EXPECT_EQ(draft.config.trigger.source, "simulated");
   ASSERT_EQ(draft.config.pairs.size(), 1u);
   EXPECT_EQ(draft.config.pairs[0].right, "T107C1");

@@ -151,7 +151,7 @@ TEST_F(ImageFaults, ProjectorOffTakesItsLightOnly) {
 }
 
 TEST_F(ImageFaults, LightsOnRaiseTheImageAndDrownTheDots) {
-  const ImageU8 good = Render({}, 0), lit = Render({MakeFault("lights-on", "", 0.4)}, 0);
+  const ImageU8 good = Render({}, 0), lit = Render({MakeFault("lights-on", "", 1.6)}, 0);
   EXPECT_GT(Mean(lit), Mean(good) + 15);
   const auto contrast = [](const ImageU8& image) { return Sharpness(image) / Mean(image); };
   EXPECT_LT(contrast(lit), 0.75 * contrast(good));
