@@ -64,16 +64,16 @@ ReconScore ScoreFor(const Rig& rig) {
 }
 
 constexpr const char* kColumns =
-    "| {} | points | RMS mm | p95 mm | bias mm | glass RMS | glass bias | complete % | outliers % | "
-    "within sigma % | sigma mm | CPU s | s |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|\n";
+    "| {} | points | RMS mm | p95 mm | bias mm | glass RMS | glass bias | complete % | in volume % | outliers % | "
+    "within sigma % | sigma mm | CPU s | s |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n";
 
 void PrintHeader(const std::string& first) { fmt::print(fmt::runtime(kColumns), first); }
 
 /// `cpu_s`: of all threads; `seconds`: on the clock.
 void PrintRow(const std::string& name, const ReconScore::Figures& f, double cpu_s, double seconds) {
-  fmt::print("| {} | {:.0f} | {:.4f} | {:.4f} | {:+.4f} | {:.4f} | {:+.4f} | {:.2f} | {:.3f} | {:.1f} | {:.4f} | {:.2f} | {:.2f} |\n",
+  fmt::print("| {} | {:.0f} | {:.4f} | {:.4f} | {:+.4f} | {:.4f} | {:+.4f} | {:.2f} | {:.2f} | {:.3f} | {:.1f} | {:.4f} | {:.2f} | {:.2f} |\n",
              name, f.points, 1e3 * f.rms_m, 1e3 * f.p95_m, 1e3 * f.bias_m, 1e3 * f.glass_rms_m,
-             1e3 * f.glass_bias_m, 100 * f.completeness, 100 * f.outliers, 100 * f.within_sigma,
+             1e3 * f.glass_bias_m, 100 * f.completeness, 100 * f.inside, 100 * f.outliers, 100 * f.within_sigma,
              1e3 * f.median_sigma_m, cpu_s, seconds);
   std::fflush(stdout);
 }
@@ -169,12 +169,12 @@ void Sweep(int cameras, int width, int height, std::uint64_t seed) {
     conditions.push_back({.name = fmt::format("noise {:g}", noise), .noise = noise});
   for (const double dots : {2.0, 3.0, 6.0, 9.0})
     conditions.push_back({.name = fmt::format("dots of {:g} px", dots), .dot_px = dots});
-  for (const double light : {0.0, 0.1, 0.3})
+  for (const double light : {0.0, 0.4, 1.2})
     conditions.push_back({.name = fmt::format("room light {:g}", light), .ambient_light = light});
   conditions.push_back({.name = "one projector above off", .dark_projectors = {0}});
   conditions.push_back({.name = "projectors below off", .dark_projectors = {4, 5}});
-  conditions.push_back({.name = "all projectors off, skin texture in room light 0.3",
-                        .ambient_light = 0.3,
+  conditions.push_back({.name = "all projectors off, skin texture in room light 1.2",
+                        .ambient_light = 1.2,
                         .dark_projectors = {0, 1, 2, 3, 4, 5}});
   for (const Condition& condition : conditions) ScoreCondition(config, seed, condition);
 }

@@ -10,6 +10,7 @@
 
 #include "model/surface_query.h"
 #include "model/triangle_topology.h"
+#include "recon/rectify.h"
 
 namespace sole::bench {
 namespace {
@@ -35,6 +36,11 @@ bool Covered(const std::map<Cell, std::vector<Eigen::Vector3d>>& cells, const Ei
     }
   }
   return false;
+}
+
+bool InVolume(const Eigen::Vector3d& p) {
+  const recon::CaptureVolume volume;
+  return (p.array() >= volume.min_m.array()).all() && (p.array() <= volume.max_m.array()).all();
 }
 
 double Rms(const std::vector<double>& values) {
@@ -98,8 +104,12 @@ void ReconScore::Add(const RefSurface& truth, const PointCloud& cloud) {
   for (std::size_t v = 0; v < areas.size(); ++v) {
     if (std::ranges::none_of(truth.visible, [v](const auto& pair) { return pair[v] != 0; }))
       continue;
+    const bool covered = Covered(cells, truth.mesh.vertices[v]);
     seen_area_ += areas[v];
-    if (Covered(cells, truth.mesh.vertices[v])) covered_area_ += areas[v];
+    if (covered) covered_area_ += areas[v];
+    if (!InVolume(truth.mesh.vertices[v])) continue;
+    seen_inside_ += areas[v];
+    if (covered) covered_inside_ += areas[v];
   }
 }
 
@@ -115,6 +125,7 @@ ReconScore::Figures ReconScore::Result() const {
   f.glass_rms_m = Rms(glass_m_);
   f.glass_bias_m = Mean(glass_m_);
   f.completeness = seen_area_ > 0 ? covered_area_ / seen_area_ : 0;
+  f.inside = seen_inside_ > 0 ? covered_inside_ / seen_inside_ : 0;
   if (points_ > 0) f.outliers = static_cast<double>(outliers_) / static_cast<double>(points_);
   if (!signed_m_.empty())
     f.within_sigma = static_cast<double>(within_) / static_cast<double>(signed_m_.size());

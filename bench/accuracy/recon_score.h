@@ -29,6 +29,7 @@ class ReconScore {
     double rms_m = 0, p95_m = 0, bias_m = 0;
     double glass_rms_m = 0, glass_bias_m = 0;  ///< points that come mainly from pairs below
     double completeness = 0, outliers = 0;
+    double inside = 0;            ///< completeness of what stands in the capture volume
     double within_sigma = 0;      ///< share of errors below the point's own sigma
     double median_sigma_m = 0;
   };
@@ -38,7 +39,7 @@ class ReconScore {
   std::vector<bool> through_glass_;
   int frames_ = 0;
   std::size_t points_ = 0, outliers_ = 0, within_ = 0;
-  double seen_area_ = 0, covered_area_ = 0;
+  double seen_area_ = 0, covered_area_ = 0, seen_inside_ = 0, covered_inside_ = 0;
   std::vector<double> signed_m_, glass_m_, sigma_m_;
 };
 
