@@ -27,7 +27,7 @@ std::vector<double> ChangesOf(const std::vector<FrameContact>& frames, const Tem
 }
 
 /// Probabilities that one vertex touches in every frame, given all of `observed`.
-std::vector<double> Smoothed(const std::vector<double>& observed, const std::vector<double>& changes) {
+std::vector<double> Smoothed(const std::vector<double>& observed, const std::vector<double>& changes, double neighbours) {
   const std::size_t frames = observed.size();
   const auto step = [](double touching, double change) { return touching * (1 - change) + (1 - touching) * change; };
   const auto both = [](double a, double b) {
@@ -36,9 +36,13 @@ std::vector<double> Smoothed(const std::vector<double>& observed, const std::vec
   };
   // Never quite 0 or 1: two frames that contradict each other must not leave 0 / 0.
   const auto at = [&](std::size_t f) { return std::clamp(observed[f], 1e-6, 1 - 1e-6); };
+  const auto from = [&](std::size_t f) {
+    const double touching = std::pow(at(f), neighbours), free = std::pow(1 - at(f), neighbours);
+    return touching / (touching + free);
+  };
   std::vector<double> before(frames, 0.5), after(frames, 0.5);
-  for (std::size_t f = 1; f < frames; ++f) before[f] = step(both(before[f - 1], at(f - 1)), changes[f - 1]);
-  for (std::size_t f = frames; f-- > 1;) after[f - 1] = step(both(after[f], at(f)), changes[f - 1]);
+  for (std::size_t f = 1; f < frames; ++f) before[f] = step(both(before[f - 1], from(f - 1)), changes[f - 1]);
+  for (std::size_t f = frames; f-- > 1;) after[f - 1] = step(both(after[f], from(f)), changes[f - 1]);
   std::vector<double> result(frames);
   for (std::size_t f = 0; f < frames; ++f) result[f] = both(both(before[f], at(f)), after[f]);
   return result;
@@ -48,8 +52,9 @@ std::vector<double> Smoothed(const std::vector<double>& observed, const std::vec
 
 void SmoothLabels(std::vector<FrameContact>& frames, const TemporalOptions& options) {
   if (frames.empty()) return;
-  Require(options.change > 0 && options.change < 0.5 && options.prior_vertices > 0 && options.confident > 0.5 && options.sure >= 0.5,
-          "contact: change must lie between 0 and 0.5, prior_vertices above 0, confident and sure above 0.5");
+  Require(options.change > 0 && options.change < 0.5 && options.prior_vertices > 0 && options.neighbours >= 0 &&
+              options.neighbours <= 1 && options.confident > 0.5 && options.sure >= 0.5,
+          "contact: change must lie between 0 and 0.5, neighbours between 0 and 1, prior_vertices above 0, confident and sure above 0.5");
   const Eigen::Index n = frames[0].probability.size();
   for (FrameContact& frame : frames) {
     Require(frame.probability.size() == n && frame.gap_m.size() == n,
@@ -63,7 +68,7 @@ void SmoothLabels(std::vector<FrameContact>& frames, const TemporalOptions& opti
     for (std::size_t f = 0; f < frames.size(); ++f) {
       observed[f] = std::isnan(frames[f].gap_m[v]) ? 0.5 : frames[f].probability[v];
     }
-    const std::vector<double> smoothed = Smoothed(observed, changes);
+    const std::vector<double> smoothed = Smoothed(observed, changes, options.neighbours);
     for (std::size_t f = 0; f < frames.size(); ++f) {
       FrameContact& frame = frames[f];
       const auto i = static_cast<std::size_t>(v);

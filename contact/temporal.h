@@ -10,12 +10,14 @@ struct TemporalOptions {
   double change = 0.1;      ///< probability that a vertex lands or leaves from one frame to the next, as far as the two frames'
                             ///< labels do not tell: counts as much as `prior_vertices` touching ones do
   double prior_vertices = 10;
+  double neighbours = 0.1;  ///< of the log odds of every other frame that count, 0 to 1: what is wrong in one frame is mostly wrong
+                            ///< in the next one, too, so that frames are no independent witnesses
   double confident = 0.95;  ///< a frame's own label of this probability, or its complement, never moves
   double sure = 0.8;        ///< a label less probable than this is uncertain
 };
 
 /// Makes labels of a take (LabelContact, in order of time) agree with those before and after: every vertex is a hidden
-/// Markov model of two states, free and touching, observed with its probability in each frame. How likely it changes between two
+/// Markov model of two states, free and touching, observed with its probability in each frame (`neighbours`). How likely it changes between two
 /// frames is the share of the touching vertices that do, at most one half: a foot that rolls over the plate in a few frames says
 /// little about the next one, a standing one much. Where the frame's own
 /// label was not confident, probability and bit become those of the states given all frames (forward-backward), and

@@ -9,6 +9,9 @@
 namespace sole::contact {
 namespace {
 
+/// Frames whose errors have nothing to do with each other.
+const TemporalOptions kIndependent{.neighbours = 1};
+
 /// One vertex over time; NaN: not registered.
 std::vector<FrameContact> Frames(const std::vector<double>& probabilities) {
   std::vector<FrameContact> frames;
@@ -22,14 +25,15 @@ std::vector<FrameContact> Frames(const std::vector<double>& probabilities) {
   return frames;
 }
 
-/// P(touching in `frame` | all) by summing over every sequence of states; `change` from each frame to the next.
-double BruteForce(const std::vector<double>& probabilities, std::size_t frame, const std::vector<double>& change) {
+/// P(touching in `frame` | all) by summing over every sequence of states; `change` from each frame to the next, other frames'
+/// probabilities to the power `neighbours`.
+double BruteForce(const std::vector<double>& probabilities, std::size_t frame, const std::vector<double>& change, double neighbours) {
   double all = 0, touching = 0;
   for (unsigned states = 0; states < (1u << probabilities.size()); ++states) {
     double weight = 1;
     for (std::size_t f = 0; f < probabilities.size(); ++f) {
       const bool on = states >> f & 1u;
-      weight *= on ? probabilities[f] : 1 - probabilities[f];
+      weight *= std::pow(on ? probabilities[f] : 1 - probabilities[f], f == frame ? 1 : neighbours);
       if (f > 0) weight *= on == bool(states >> (f - 1) & 1u) ? 1 - change[f - 1] : change[f - 1];
     }
     all += weight;
@@ -40,21 +44,23 @@ double BruteForce(const std::vector<double>& probabilities, std::size_t frame, c
 
 TEST(SmoothLabels, GivesTheProbabilityOverAllSequencesOfStates) {
   const std::vector<double> said{0.3, 0.6, 0.45, 0.9, 0.2, 0.5};
-  std::vector<FrameContact> frames = Frames(said);
-  SmoothLabels(frames);
   std::vector<double> change;
   for (std::size_t f = 0; f + 1 < said.size(); ++f)
     change.push_back((10 * 0.1 + std::abs(said[f] - said[f + 1])) / (10 + std::max(said[f], said[f + 1])));
-  for (std::size_t f = 0; f < said.size(); ++f) {
-    const double expected = BruteForce(said, f, change);
-    EXPECT_NEAR(frames[f].probability[0], expected, 1e-6) << f;
-    EXPECT_EQ(frames[f].contact[0], expected > 0.5) << f;
+  for (const double neighbours : {1.0, 0.1}) {
+    std::vector<FrameContact> frames = Frames(said);
+    SmoothLabels(frames, {.neighbours = neighbours});
+    for (std::size_t f = 0; f < said.size(); ++f) {
+      const double expected = BruteForce(said, f, change, neighbours);
+      EXPECT_NEAR(frames[f].probability[0], expected, 1e-6) << f;
+      EXPECT_EQ(frames[f].contact[0], expected > 0.5) << f;
+    }
   }
 }
 
 TEST(SmoothLabels, FillsADoubtfulFrameButNeverMovesAConfidentOne) {
   std::vector<FrameContact> frames = Frames({0.99, 0.99, 0.4, 0.99, 0.99, 0.02, 0.99, 0.99, std::nan("")});
-  SmoothLabels(frames);
+  SmoothLabels(frames, kIndependent);
   EXPECT_EQ(frames[2].contact[0], 1);
   EXPECT_EQ(frames[2].state[0], ContactState::kContact);
   EXPECT_EQ(frames[5].contact[0], 0);  // alone between touching ones, but sure
@@ -75,7 +81,7 @@ TEST(SmoothLabels, BelievesFramesOfAMovingFootLess) {
       frames[f].gap_m = Eigen::VectorXd::Zero(61);
       frames[f].contact.assign(61, 0);
     }
-    SmoothLabels(frames);
+    SmoothLabels(frames, kIndependent);
     return frames[1].probability[0];
   };
   EXPECT_GT(doubtful(false), 0.95);
@@ -84,13 +90,22 @@ TEST(SmoothLabels, BelievesFramesOfAMovingFootLess) {
 
 TEST(SmoothLabels, KeepsUncertainAsAThirdState) {
   std::vector<FrameContact> frames = Frames({0.99, 0.5, 0.01});
-  SmoothLabels(frames);
+  SmoothLabels(frames, kIndependent);
   EXPECT_NEAR(frames[1].probability[0], 0.5, 0.02);
   EXPECT_EQ(frames[1].state[0], ContactState::kUncertain);
   frames = Frames({0.9});
-  SmoothLabels(frames);
+  SmoothLabels(frames, kIndependent);
   EXPECT_EQ(frames[0].state[0], ContactState::kContact);
   EXPECT_NEAR(frames[0].probability[0], 0.9, 1e-6);
+}
+
+TEST(SmoothLabels, DoesNotTakeTheSameErrorInManyFramesForManyWitnesses) {
+  std::vector<FrameContact> frames = Frames(std::vector<double>(20, 0.7)), independent = frames;
+  SmoothLabels(frames);
+  SmoothLabels(independent, kIndependent);
+  EXPECT_GT(frames[10].probability[0], 0.7);
+  EXPECT_LT(frames[10].probability[0], 0.85);
+  EXPECT_GT(independent[10].probability[0], 0.95);
 }
 
 TEST(SmoothLabels, RefusesFramesOfDifferentSize) {
