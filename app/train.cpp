@@ -67,7 +67,7 @@ std::pair<FootModel, std::string> TrainLinear(const TrainContext& context, const
     return [&](const TrainingSubject& subject, const model::PersonalFit* before) {
       return FitPerson(foot, subject.frames,
                        before ? *before : StartPerson(foot, subject.frames, config.person),
-                       before == nullptr, config.person);
+                       config.person);
     };
   };
   const auto poses = [&](const std::string& name, const std::string& before,

@@ -36,7 +36,6 @@ std::vector<Key> Keys(TrainConfig& c) {
       {"poses", "rounds", &c.person.rounds, 1, 20},
       {"poses", "sigma_m", &c.person.sigma_m, 1e-5, 0.1},
       {"poses", "theta_sd_rad", &c.person.theta_sd_rad, 1e-3, 100},
-      {"poses", "step_sd_rad", &c.person.step_sd_rad, 0, 100},
       {"poses", "pressed_weight", &c.person.pressed_weight, 0, 1},
       {"poses", "prior_frames", &c.person.prior_frames, 1e-6, 1000},
       {"poses", "near_rest_rad", &c.person.near_rest_rad, 1e-3, 100},

@@ -38,7 +38,8 @@ struct NetworkTrainingOptions {
   double scaled_share = 0.25;
   /// Standard deviation of turns added to every joint of every sample, drawn anew every epoch: fitted
   /// poses are known no better, and a network that lives on smaller differences has learnt the fit's
-  /// habits (its leftovers of contact among them), not the foot's.
+  /// habits (its leftovers of contact among them), not the foot's. With 0.15 pose no longer tells it the
+  /// load of pressed toes, but takes are fitted a tenth worse (docs/model.md).
   double pose_noise_rad = 0.02;
   /// Whether the root's rotation, the foot's heading in the room included, counts. Otherwise its
   /// inputs have zero weights.

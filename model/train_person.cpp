@@ -28,24 +28,18 @@ Eigen::VectorXd PoseWeights(const TrainingFrame& frame, double pressed_weight) {
          (pressed_weight + (1 - pressed_weight) * frame.free.array());
 }
 
-/// `before`: of the fit before, to which turns are held; null: they are free.
 void FitPoses(const FootModel& personal, std::span<const TrainingFrame> frames,
-              const PersonalOptions& options, double pressed_weight,
-              const std::vector<ModelParameters>* before, PersonalFit& fit) {
+              const PersonalOptions& options, double pressed_weight, PersonalFit& fit) {
   const Eigen::Index n = personal.NumVertices();
   fit.distance_m.assign(frames.size(), 0);
   for (std::size_t f = 0; f < frames.size(); ++f) {
     ModelParameters start = fit.poses[f];
     if (!personal.network.empty()) start.contact = frames[f].contact;
-    VertexFitOptions asked{.sigma_m = options.sigma_m,
-                           .theta_sd_rad = options.theta_sd_rad,
-                           .weights = PoseWeights(frames[f], pressed_weight)};
-    if (before != nullptr && options.step_sd_rad > 0) {
-      asked.theta_sd_rad = options.step_sd_rad;
-      asked.theta_centre = (*before)[f].theta;
-    }
     const VertexFitResult result =
-        FitVertices(personal, Variant::kCoarse, CoarseOf(frames[f], n), start, asked);
+        FitVertices(personal, Variant::kCoarse, CoarseOf(frames[f], n), start,
+                    {.sigma_m = options.sigma_m,
+                     .theta_sd_rad = options.theta_sd_rad,
+                     .weights = PoseWeights(frames[f], pressed_weight)});
     fit.poses[f] = result.parameters;
     fit.poses[f].contact.resize(0);
     fit.distance_m[f] = result.mean_distance_m;
@@ -206,16 +200,15 @@ PersonalFit StartPerson(const FootModel& foot, std::span<const TrainingFrame> fr
 }
 
 PersonalFit FitPerson(const FootModel& foot, std::span<const TrainingFrame> frames,
-                      const PersonalFit& start, bool first, const PersonalOptions& options) {
+                      const PersonalFit& start, const PersonalOptions& options) {
   Require(start.poses.size() == frames.size(), "training: a person's poses and frames differ");
-  const std::vector<ModelParameters>* const before = first ? nullptr : &start.poses;
   FootModel coarse = CoarseOnly(foot);
   coarse.network.clear();
   const Eigen::Index n = foot.NumVertices();
   PersonalFit fit = start;
   for (int round = 0; round < options.rounds; ++round) {
     FootModel personal = PersonalModel(coarse, fit.rest_m, fit.joints_m);
-    FitPoses(personal, frames, options, options.pressed_weight, before, fit);
+    FitPoses(personal, frames, options, options.pressed_weight, fit);
     std::vector<JointEvidence> evidence;
     for (std::size_t f = 0; f < frames.size(); ++f) {
       evidence.push_back({CoarseOf(frames[f], n), Forward(personal, fit.poses[f]).vertices_m,
@@ -226,14 +219,14 @@ PersonalFit FitPerson(const FootModel& foot, std::span<const TrainingFrame> fram
     fit.joints_m = FitJoints(personal, evidence, regressed,
                              {options.joint_sigma_m, options.joint_sd_m});
     personal = PersonalModel(coarse, fit.rest_m, fit.joints_m);
-    FitPoses(personal, frames, options, options.pressed_weight, before, fit);
+    FitPoses(personal, frames, options, options.pressed_weight, fit);
     fit.rest_m = RestShape(foot, personal, frames, fit, NearestShape(foot, fit.rest_m), options);
     const Rigid3 motion = AlignRigidly(fit.rest_m, foot.fine.template_m);
     Move(motion, fit.rest_m);
     Move(motion, fit.joints_m);
   }
   FitPoses(PersonalModel(coarse, fit.rest_m, fit.joints_m), frames, options,
-           options.pressed_weight, before, fit);
+           options.pressed_weight, fit);
   return fit;
 }
 
@@ -243,7 +236,7 @@ PersonalFit RefitPoses(const FootModel& foot, std::span<const TrainingFrame> fra
   Require(start.poses.size() == frames.size(), "training: a person's poses and frames differ");
   PersonalFit fit = start;
   FitPoses(PersonalModel(CoarseOnly(foot), fit.rest_m, fit.joints_m, beta), frames, options,
-           foot.network.empty() ? options.pressed_weight : 1, &start.poses, fit);
+           foot.network.empty() ? options.pressed_weight : 1, fit);
   return fit;
 }
 

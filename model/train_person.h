@@ -31,10 +31,6 @@ struct PersonalOptions {
   int rounds = 2;             ///< of poses, joints and rest shape in turn
   double sigma_m = 0.001;     ///< expected distance of a vertex
   double theta_sd_rad = 0.6;  ///< weak prior that keeps unseen turns at rest
-  /// Turns of fits after the first are held to the fit before with this deviation; 0: not at all. Free
-  /// to turn, small toes of a pressed foot drift by up to 0.3 rad, step by step, and correctives press
-  /// them flat where contact should.
-  double step_sd_rad = 0;
   /// Vertices on the glass are deformed by it; until a network explains that, they count this much
   /// for the pose.
   double pressed_weight = 0.1;
@@ -60,10 +56,9 @@ PersonalFit StartPerson(const FootModel& foot, std::span<const TrainingFrame> fr
 
 /// Personal template, joints and poses (model.md, section 4, steps 1 and 2; MANO, equation 11: poses
 /// far from rest, and what touches the glass, say less about the rest shape), in turn from `start`,
-/// laid on the model's template rigidly. Correctives of the model count, its network does not. `first`:
-/// start is no fit of an earlier step, so poses are free to leave it.
+/// laid on the model's template rigidly. Correctives of the model count, its network does not.
 PersonalFit FitPerson(const FootModel& foot, std::span<const TrainingFrame> frames,
-                      const PersonalFit& start, bool first, const PersonalOptions& options = {});
+                      const PersonalFit& start, const PersonalOptions& options = {});
 
 /// Poses again, shape and joints held, with the model's network told the contact (if it has one: then
 /// pressed vertices count as all others).

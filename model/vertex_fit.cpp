@@ -31,11 +31,9 @@ Eigen::VectorXd PriorInformation(const ModelParameters& start, const ParameterCo
   return information;
 }
 
-Eigen::VectorXd PriorResidual(const ModelParameters& parameters, const ParameterColumns& columns,
-                              const Eigen::MatrixX3d& centre) {
+Eigen::VectorXd PriorResidual(const ModelParameters& parameters, const ParameterColumns& columns) {
   Eigen::VectorXd values = Eigen::VectorXd::Zero(columns.count);
-  Eigen::Matrix3Xd theta = parameters.theta.transpose();
-  if (centre.rows() > 0) theta -= centre.transpose();
+  const Eigen::Matrix3Xd theta = parameters.theta.transpose();
   values.head(theta.size()) = Eigen::Map<const Eigen::VectorXd>(theta.data(), theta.size());
   values.segment(columns.beta, parameters.beta.size()) = parameters.beta;
   return values;
@@ -50,8 +48,6 @@ VertexFitResult FitVertices(const FootModel& model, Variant variant,
           "vertex fit: one target per vertex is needed");
   Require(options.weights.size() == 0 || options.weights.size() == targets_m.rows(),
           "vertex fit: one weight per vertex is needed");
-  Require(options.theta_centre.rows() == 0 || options.theta_centre.rows() == start.theta.rows(),
-          "vertex fit: the prior's centre needs a turn for every joint");
   const Eigen::VectorXd weights =
       options.weights.size() > 0 ? options.weights : Eigen::VectorXd::Ones(targets_m.rows());
   const Eigen::VectorXd roots = weights.cwiseSqrt();
@@ -60,7 +56,7 @@ VertexFitResult FitVertices(const FootModel& model, Variant variant,
   const double information = 1 / (options.sigma_m * options.sigma_m);
   const auto cost_of = [&](const ModelParameters& parameters, const Eigen::MatrixX3d& points) {
     return information * (roots.asDiagonal() * (points - targets_m)).squaredNorm() +
-           PriorResidual(parameters, columns, options.theta_centre).cwiseAbs2().dot(prior);
+           PriorResidual(parameters, columns).cwiseAbs2().dot(prior);
   };
   ModelParameters now = start;
   double damping = 1e-4;
@@ -75,7 +71,7 @@ VertexFitResult FitVertices(const FootModel& model, Variant variant,
     Eigen::VectorXd gradient =
         information * points.jacobian.transpose() *
             Eigen::Map<const Eigen::VectorXd>(residual.data(), residual.size()) +
-        prior.cwiseProduct(PriorResidual(now, columns, options.theta_centre));
+        prior.cwiseProduct(PriorResidual(now, columns));
     normal.diagonal() += prior;
     if (!options.fit_beta) {
       normal.middleRows(columns.beta, now.beta.size()).setZero();

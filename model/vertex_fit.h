@@ -10,7 +10,6 @@ struct VertexFitOptions {
   int iterations = 30;
   double sigma_m = 0.001;     ///< expected distance of a vertex
   double theta_sd_rad = 1.0;  ///< weak prior that keeps unseen turns at rest (the root is free)
-  Eigen::MatrixX3d theta_centre = {};  ///< K x 3, where that prior is centred; empty: at rest
   double beta_sd = 1.0;
   bool fit_beta = true;  ///< otherwise the start's beta is kept
   Eigen::VectorXd weights = {};  ///< of the vertices' squared distances; empty: all 1

@@ -77,7 +77,7 @@ TEST(FitPerson, FindsTheRestShapeFromPosedRegistrations) {
   const FootModel foot = Shipped();
   const Person person = MakePerson(foot, 1, 6);
   const PersonalFit start = StartPerson(foot, person.frames);
-  const PersonalFit fit = FitPerson(foot, person.frames, start, true);
+  const PersonalFit fit = FitPerson(foot, person.frames, start);
   const double before =
       (start.rest_m - person.own.fine.template_m).rowwise().norm().mean();
   const double after = (fit.rest_m - person.own.fine.template_m).rowwise().norm().mean();
@@ -96,19 +96,8 @@ TEST(FitPerson, UnseenVerticesTakeTheModelsShape) {
     frame.certainty.head(40).setZero();
     for (Eigen::Index i = 0; i < 40; ++i) frame.vertices_m.row(i).array() += 0.05;
   }
-  const PersonalFit fit = FitPerson(foot, person.frames, StartPerson(foot, person.frames), true);
+  const PersonalFit fit = FitPerson(foot, person.frames, StartPerson(foot, person.frames));
   EXPECT_LT((fit.rest_m - person.own.fine.template_m).topRows(40).rowwise().norm().maxCoeff(), 0.004);
-}
-
-TEST(FitPerson, LaterFitsAreHeldToTheTurnsOfTheOneBefore) {
-  const FootModel foot = Shipped();
-  const Person person = MakePerson(foot, 3, 3);
-  PersonalFit start = StartPerson(foot, person.frames);
-  start.poses[1].theta.row(5).array() += 0.3;
-  const PersonalFit free = FitPerson(foot, person.frames, start, true),
-                    held = FitPerson(foot, person.frames, start, false, {.step_sd_rad = 1e-4});
-  EXPECT_LT((free.poses[1].theta - person.poses[1].theta).row(5).norm(), 0.1);
-  EXPECT_LT((held.poses[1].theta - start.poses[1].theta).row(5).norm(), 0.01);
 }
 
 TEST(FitJoints, FindsCentresFromBendsAndKeepsThePriorWithoutThem) {
