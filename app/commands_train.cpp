@@ -43,7 +43,7 @@ void TrainCommand(const TrainArguments& a, const CommonOptions& common) {
     fmt::print("{}", FormatTrainConfig(options.config));
     return;
   }
-  options.model_template = a.model_template.empty() ? DefaultModelPath()
+  options.model_template = a.model_template.empty() ? DefaultTemplatePath()
                                                     : std::filesystem::path(a.model_template);
   options.ablation = a.ablation;
   options.truth = a.truth;

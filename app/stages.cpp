@@ -57,8 +57,10 @@ ModelPair LoadModelPair(const fs::path& path) {
   return {std::move(mirrored), std::move(loaded)};
 }
 
-fs::path DefaultModelPath() {
-  const fs::path name = fs::path("models") / "sole-foot.npz";
+namespace {
+
+fs::path ShippedModel(const char* file) {
+  const fs::path name = fs::path("models") / file;
   if (const char* folder = std::getenv("SOLE_MODELS")) return fs::path(folder) / name.filename();
   std::error_code ignored;
   const fs::path program = fs::read_symlink("/proc/self/exe", ignored);
@@ -67,6 +69,12 @@ fs::path DefaultModelPath() {
   }
   return name;
 }
+
+}  // namespace
+
+fs::path DefaultModelPath() { return ShippedModel("sole-foot-contact.npz"); }
+
+fs::path DefaultTemplatePath() { return ShippedModel("sole-foot.npz"); }
 
 fs::path OfFoot(const fs::path& first, int foot) {
   return foot == 1 ? first : first.parent_path() / fmt::format("{}_{}{}", first.stem().string(), foot, first.extension().string());

@@ -23,9 +23,11 @@ struct ModelPair {
 };
 /// Loads a model file and mirrors it.
 ModelPair LoadModelPair(const std::filesystem::path& path);
-/// The shipped model: $SOLE_MODELS/sole-foot.npz if that is set, else models/sole-foot.npz in a folder above the
-/// program's own.
+/// The shipped model with contact: $SOLE_MODELS/sole-foot-contact.npz if that is set, else models/sole-foot-contact.npz
+/// in a folder above the program's own.
 std::filesystem::path DefaultModelPath();
+/// In the same place sole-foot.npz, without contact, from which `sole train` begins.
+std::filesystem::path DefaultTemplatePath();
 
 /// A file of the take's n-th foot (from 1), by that of the first: fit.npz, fit_2.npz ...
 std::filesystem::path OfFoot(const std::filesystem::path& first, int foot);

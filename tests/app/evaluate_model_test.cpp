@@ -38,7 +38,7 @@ std::string NameIn(const std::string& split, int from) {
 
 /// The shipped model with a network that lifts every vertex by a millimetre times its contact.
 model::FootModel LiftingModel() {
-  model::FootModel foot = model::LoadModel(DefaultModelPath());
+  model::FootModel foot = model::LoadModel(DefaultTemplatePath());
   const Index n = foot.NumVertices(), inputs = model::NumNetworkInputs(foot.NumJoints(), n);
   model::NetworkLayer layer{Eigen::MatrixXd::Zero(3 * n, inputs), Eigen::VectorXd::Zero(3 * n)};
   for (Index v = 0; v < n; ++v) layer.weight(3 * v + 2, inputs - n + v) = 0.001;

@@ -82,14 +82,14 @@ constexpr const char* kConfig =
 class Train : public ::testing::Test {
  protected:
   Train() {
-    const model::FootModel foot = model::LoadModel(DefaultModelPath());
+    const model::FootModel foot = model::LoadModel(DefaultTemplatePath());
     fs::create_directories(dataset_ / "registrations");
     for (const int number : kPeople) {
       const SubjectRegistrations r = MakePerson(foot, number);
       WriteRegistrations(RegistrationsFile(dataset_, r.subject), r);
     }
     options_.config = ParseTrainConfig(kConfig, "c.toml");
-    options_.model_template = DefaultModelPath();
+    options_.model_template = DefaultTemplatePath();
   }
 
   testing_support::TempDir dir_;
