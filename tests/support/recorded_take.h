@@ -52,7 +52,8 @@ inline io::RawRecordHeader TinyHeader(const RigConfig& config, std::size_t camer
 
 inline io::TriggerRecord TinyTrigger(std::int64_t trigger) {
   const double at = 0.1 * static_cast<double>(trigger - 1);
-  return {trigger, TinyKind(trigger), at, at + 1e-3, at + 1e-3, at + 5e-3};
+  const double exposure_s = 1e-6 * CameraConfig{}.exposure_us;
+  return {trigger, TinyKind(trigger), at, at + 1e-3, at + 1e-3, at + 1e-3 + exposure_s};
 }
 
 /// take.json, rig.toml and triggers.csv as a recorder writes them first.
