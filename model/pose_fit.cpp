@@ -130,7 +130,7 @@ PoseFit FitPose(const FootModel& model, const PointCloud& scan, const ModelParam
     Eigen::Vector3d translation = fit.parameters.translation_m;
 
     ceres::Problem problem;
-    problem.AddResidualBlock(new SurfaceCost(model, fit.parameters, matches), nullptr, theta.data(),
+    problem.AddResidualBlock(new SurfaceCost(model, fit.parameters, matches, options.solver_iterations), nullptr, theta.data(),
                              beta.data(), translation.data());
     problem.AddResidualBlock(new PriorCost(prior.root, prior.mean), nullptr, theta.data());
     problem.AddResidualBlock(new PriorCost(Eigen::MatrixXd::Identity(beta.size(), beta.size()), Eigen::VectorXd::Zero(beta.size())), nullptr, beta.data());

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -23,29 +25,30 @@ struct Correspondences {
 };
 
 /// Point-to-plane distances of fixed correspondences. Parameters: theta (3K, joint by joint), beta,
-/// translation.
+/// translation. After `jacobians` Jacobians come zeros: Ceres asks for one more than it takes steps.
 class SurfaceCost : public ceres::CostFunction {
  public:
-  SurfaceCost(const FootModel& model, const ModelParameters& shape, const Correspondences& matches)
-      : model_(model), sizes_(shape), matches_(matches) {
+  SurfaceCost(const FootModel& model, const ModelParameters& shape, const Correspondences& matches,
+              int jacobians = std::numeric_limits<int>::max())
+      : model_(model), sizes_(shape), matches_(matches), jacobians_left_(jacobians) {
     set_num_residuals(static_cast<int>(matches.places.size()));
     mutable_parameter_block_sizes()->push_back(static_cast<int>(3 * model.NumJoints()));
     mutable_parameter_block_sizes()->push_back(static_cast<int>(shape.beta.size()));
     mutable_parameter_block_sizes()->push_back(3);
-    // Several points share a vertex: each is differentiated once.
+    // Several points share a vertex: each is differentiated once, in order, because the Jacobian is computed by blocks.
     const Eigen::MatrixX3i& triangles = SurfaceOf(model, SurfaceVariant()).triangles;
     std::vector<int> at(static_cast<std::size_t>(SurfaceOf(model, SurfaceVariant()).NumVertices()), -1);
     for (const SurfacePoint& place : matches.places) {
+      for (int k = 0; k < 3; ++k) at[static_cast<std::size_t>(triangles(place.triangle, k))] = 0;
+    }
+    for (std::size_t v = 0; v < at.size(); ++v) {
+      if (at[v] < 0) continue;
+      at[v] = static_cast<int>(vertices_.size());
+      vertices_.push_back(static_cast<int>(v));
+    }
+    for (const SurfacePoint& place : matches.places) {
       Eigen::Vector3i corners;
-      for (int k = 0; k < 3; ++k) {
-        const int v = triangles(place.triangle, k);
-        int& slot = at[static_cast<std::size_t>(v)];
-        if (slot < 0) {
-          slot = static_cast<int>(vertices_.size());
-          vertices_.push_back(v);
-        }
-        corners[k] = slot;
-      }
+      for (int k = 0; k < 3; ++k) corners[k] = at[static_cast<std::size_t>(triangles(place.triangle, k))];
       corners_.push_back(corners);
     }
   }
@@ -57,6 +60,12 @@ class SurfaceCost : public ceres::CostFunction {
     }
     for (Eigen::Index b = 0; b < parameters.beta.size(); ++b) parameters.beta[b] = blocks[1][b];
     parameters.translation_m = Eigen::Vector3d(blocks[2][0], blocks[2][1], blocks[2][2]);
+    if (jacobians && jacobians_left_-- <= 0) {
+      for (std::size_t block = 0; block < 3; ++block) {
+        if (jacobians[block]) std::fill_n(jacobians[block], corners_.size() * static_cast<std::size_t>(parameter_block_sizes()[block]), 0.0);
+      }
+      jacobians = nullptr;
+    }
     if (!jacobians) {
       const Eigen::MatrixX3d posed = Forward(model_, parameters, SurfaceVariant()).vertices_m;
       Eigen::MatrixX3d points(static_cast<Eigen::Index>(vertices_.size()), 3);
@@ -102,6 +111,7 @@ class SurfaceCost : public ceres::CostFunction {
   const FootModel& model_;
   ModelParameters sizes_;
   const Correspondences& matches_;
+  mutable int jacobians_left_;            ///< the solver evaluates on one thread
   std::vector<int> vertices_;             ///< of the surface, those that a correspondence needs
   std::vector<Eigen::Vector3i> corners_;  ///< of every correspondence, in vertices_
 };

@@ -1,6 +1,7 @@
 #include "model/surface_query.h"
 
 #include <limits>
+#include <vector>
 
 #include <Eigen/Geometry>
 #include <embree3/rtcore.h>
@@ -22,6 +23,11 @@ RTCDevice SharedDevice() {
   return holder.device;
 }
 
+/// Around a triangle.
+struct Box {
+  Eigen::Array3d low, high;
+};
+
 /// Builds or refits; a thread that waits meanwhile does not begin with tasks of others.
 void Commit(RTCScene scene) {
   tbb::this_task_arena::isolate([&] { rtcCommitScene(scene); });
@@ -34,11 +40,17 @@ struct SurfaceQuery::State {
   RTCScene scene = nullptr;
   RTCGeometry geometry = nullptr;  ///< the scene's
   float* places = nullptr;         ///< its vertices
+  std::vector<Box> boxes;          ///< of every triangle
 
   void CopyPlaces() {
     float* place = places;
     for (const Eigen::Vector3d& v : mesh.vertices) {
       for (int k = 0; k < 3; ++k) *place++ = static_cast<float>(v[k]);
+    }
+    boxes.resize(mesh.triangles.size());
+    for (std::size_t t = 0; t < boxes.size(); ++t) {
+      const auto corner = [&](int k) { return mesh.vertices[static_cast<std::size_t>(mesh.triangles[t][k])].array(); };
+      boxes[t] = {corner(0).min(corner(1)).min(corner(2)), corner(0).max(corner(1)).max(corner(2))};
     }
   }
 
@@ -51,6 +63,7 @@ namespace {
 
 struct QueryState {
   const TriangleMesh* mesh;
+  const std::vector<Box>* boxes;
   Eigen::Vector3d query;
   double best2;
   SurfacePoint point;
@@ -60,6 +73,10 @@ struct QueryState {
 bool VisitTriangle(RTCPointQueryFunctionArguments* arguments) {
   auto& state = *static_cast<QueryState*>(arguments->userPtr);
   const auto index = static_cast<std::size_t>(arguments->primID);
+  // Embree offers all triangles of a leaf of its tree, most of them too far away. The margin is that of rounding.
+  const Box& box = (*state.boxes)[index];
+  const Eigen::Array3d query = state.query.array();
+  if ((box.low - query).max(query - box.high).max(0).square().sum() > state.best2 * (1 + 1e-12)) return false;
   const Eigen::Vector3i& t = state.mesh->triangles[index];
   const auto corner = [&](int i) -> const Eigen::Vector3d& {
     return state.mesh->vertices[static_cast<std::size_t>(t[i])];
@@ -124,7 +141,7 @@ SurfaceQuery::SurfaceQuery(SurfaceQuery&&) noexcept = default;
 SurfaceQuery& SurfaceQuery::operator=(SurfaceQuery&&) noexcept = default;
 
 std::optional<SurfaceQuery::Hit> SurfaceQuery::Closest(const Eigen::Vector3d& query, double radius_m) const {
-  QueryState state{&state_->mesh, query, radius_m * radius_m, {std::numeric_limits<int>::max(), {}}, {}};
+  QueryState state{&state_->mesh, &state_->boxes, query, radius_m * radius_m, {std::numeric_limits<int>::max(), {}}, {}};
   RTCPointQuery point_query;
   point_query.x = static_cast<float>(query.x());
   point_query.y = static_cast<float>(query.y());

@@ -1,6 +1,6 @@
 // Registration, fit and contact labels of whole motions against truth, on clouds without images
 // (sim/scan_cloud.h): minutes instead of hours, so many people and motions can be tried.
-// usage: bench_registration [--motion NAME,...] [--people N] [--seed S] [--frames F] [--rate HZ] [--down] [--model FILE,...]
+// usage: bench_registration [--motion NAME,...] [--people N] [--seed S] [--frames F] [--rate HZ] [--down] [--missing SHARE] [--model FILE,...]
 #include <fmt/format.h>
 
 #include <sys/resource.h>
@@ -37,7 +37,7 @@ namespace {
 struct Arguments {
   std::vector<std::string> motions{"stand", "rock", "walk", "run", "toes", "air", "jump"};
   int people = 2, frames = 10;
-  double rate_hz = 10, any_heading = 0;
+  double rate_hz = 10, any_heading = 0, missing = 0;
   std::uint64_t seed = 200;
   std::vector<std::string> models;
   bool down = false, verbose = false;
@@ -66,6 +66,24 @@ std::vector<std::size_t> Spread(const std::vector<std::size_t>& all, std::size_t
   return some;
 }
 
+/// Without the share of its points that lies furthest in a direction.
+PointCloud WithoutPart(const PointCloud& cloud, const Eigen::Vector3f& direction, double share) {
+  std::vector<float> along;
+  for (const Eigen::Vector3f& p : cloud.points_m) along.push_back(p.dot(direction));
+  std::vector<float> sorted = along;
+  const auto end = static_cast<std::size_t>((1 - share) * static_cast<double>(cloud.Size()));
+  if (end >= cloud.Size()) return cloud;
+  std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(end), sorted.end());
+  PointCloud rest;
+  for (std::size_t i = 0; i < cloud.Size(); ++i) {
+    if (along[i] >= sorted[end]) continue;
+    rest.points_m.push_back(cloud.points_m[i]);
+    if (!cloud.normals.empty()) rest.normals.push_back(cloud.normals[i]);
+    if (!cloud.sigma_m.empty()) rest.sigma_m.push_back(cloud.sigma_m[i]);
+  }
+  return rest;
+}
+
 Take MakeTake(const std::string& name, std::uint64_t seed, const Arguments& a, const app::ModelPair& models) {
   const RigConfig config = MakeDefaultRig(20);
   const sim::Subject subject = sim::DrawSubject(seed);
@@ -84,6 +102,10 @@ Take MakeTake(const std::string& name, std::uint64_t seed, const Arguments& a, c
   options.mean_load = 0.25 + 0.75 * std::uniform_real_distribution<double>()(random);
   options.heading_rad = a.any_heading * std::uniform_real_distribution<double>(-M_PI, M_PI)(random);
   const sim::FootMotion motion = sim::MakeMotion(subject, options);
+  std::normal_distribution<float> normal;
+  std::mt19937_64 part_random(seed ^ 0x9e3779b97f4a7c15U);  // of its own: the same clouds with and without the part
+  const float x = normal(part_random), y = normal(part_random), z = normal(part_random);
+  const Eigen::Vector3f part = Eigen::Vector3f(x, y, z).normalized();
   Take take;
   take.side = subject.side;
   std::vector<std::size_t> chosen;
@@ -96,6 +118,7 @@ Take MakeTake(const std::string& name, std::uint64_t seed, const Arguments& a, c
     take.clouds.push_back(sim::MakeScanCloud(
         mesh, views, sim::DefaultScanNoise(),
         {.seed = random(), .sequence_seed = seed, .max_points = 30000}));
+    if (a.missing > 0) take.clouds.back() = WithoutPart(take.clouds.back(), part, a.missing);
     take.triggers.push_back(static_cast<std::int64_t>(take.triggers.size()) + 1);
     take.truth.push_back(std::move(mesh));
   }
@@ -303,6 +326,7 @@ int main(int argc, char** argv) {
   program.add_option("--frames", a.frames, "Frames of a take");
   program.add_option("--rate", a.rate_hz, "Frames a second");
   program.add_option("--turn", a.any_heading, "Share of a half turn that feet are turned by at most");
+  program.add_option("--missing", a.missing, "Share of the points that every cloud lacks on one side, a direction drawn for each take")->check(CLI::Range(0.0, 0.9));
   program.add_option("--seed", a.seed, "First person")->capture_default_str();
   program.add_flag("--down", a.down, "Only frames in which the foot is down, at least in part, spread over the first 1.2 s");
   program.add_option("--model", a.models, "Model files instead of the shipped one; all fit the same clouds")->delimiter(',');
