@@ -25,18 +25,20 @@ struct Match {
   double distance_m = 0;
 };
 
-/// Searches `radius_m` around every scan point. What the last search found bounds where this one has to look.
+/// Searches `radius_m` around every `stride`-th scan point, which stands for those left out. What the last search
+/// found bounds where this one has to look.
 void FindMatches(const TriangleMesh& surface, const SurfaceQuery& query, const std::vector<bool>& boundary,
-                 const PointCloud& scan, double radius_m, const RegistrationOptions& options,
+                 const PointCloud& scan, double radius_m, std::size_t stride, const RegistrationOptions& options,
                  std::vector<Match>& matches) {
   const std::vector<Eigen::Vector3d> normals = VertexNormals(surface);
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, scan.Size(), 256), [&](const auto& range) {
     for (std::size_t i = range.begin(); i < range.end(); ++i) {
       Match& match = matches[i];
+      match.weight = 0;
+      if (i % stride != 0) continue;
       const Eigen::Vector3d p = scan.points_m[i].cast<double>();
       const double known = match.point.triangle < 0 ? radius_m : (PositionOf(surface, match.point) - p).norm();
       const auto hit = query.Closest(p, std::min(radius_m, known));
-      match.weight = 0;
       if (!hit) {
         match.point.triangle = -1;
         continue;
@@ -56,7 +58,7 @@ void FindMatches(const TriangleMesh& surface, const SurfaceQuery& query, const s
           scan.normals[i].cast<double>().dot(normal) < options.minimum_normal_cosine) {
         continue;
       }
-      match = {hit->point, normal, p, 1.0, hit->distance_m};
+      match = {hit->point, normal, p, static_cast<double>(stride), hit->distance_m};
     }
   });
 }
@@ -115,7 +117,7 @@ void Reweight(double radius_m, std::vector<Match>& matches) {
   std::nth_element(distances.begin(), middle, distances.end());
   const double scale2 = std::pow(std::max({4 * *middle, 2e-4, 0.5 * radius_m}), 2);
   for (Match& match : matches) {
-    if (match.weight > 0) match.weight = std::pow(scale2 / (scale2 + match.distance_m * match.distance_m), 2);
+    if (match.weight > 0) match.weight *= std::pow(scale2 / (scale2 + match.distance_m * match.distance_m), 2);
   }
 }
 
@@ -163,8 +165,8 @@ void Uncertainty(const TriangleMesh& model, const std::vector<std::pair<int, int
 Registration RegisterFree(const TriangleMesh& model, const PointCloud& scan,
                           const RegistrationOptions& options) {
   Require(options.iterations >= 1 && options.search_radius_m > 0 && options.final_radius_m > 0 &&
-              options.stiffness > 0 && options.final_stiffness > 0 && options.anchor > 0,
-          "registration: iterations, radii, stiffness and anchor must be positive");
+              options.stiffness > 0 && options.final_stiffness > 0 && options.anchor > 0 && options.early_points > 0,
+          "registration: iterations, radii, stiffness, anchor and points must be positive");
   const SurfaceTopology topology = TopologyOf(model);
   TriangleMesh surface = model;
   SurfaceQuery query(surface);
@@ -175,7 +177,8 @@ Registration RegisterFree(const TriangleMesh& model, const PointCloud& scan,
     const double radius =
         options.search_radius_m * std::pow(options.final_radius_m / options.search_radius_m, progress);
     const double stiffness = options.stiffness * std::pow(options.final_stiffness / options.stiffness, progress);
-    FindMatches(surface, query, topology.boundary, scan, radius, options, matches);
+    const std::size_t stride = i + 2 < options.iterations ? std::max<std::size_t>(1, scan.Size() / options.early_points) : 1;
+    FindMatches(surface, query, topology.boundary, scan, radius, stride, options, matches);
     Reweight(radius, matches);
     displacements = SolveDisplacements(model, topology, matches, stiffness, displacements, options);
     Displace(model, displacements, surface);
@@ -183,7 +186,7 @@ Registration RegisterFree(const TriangleMesh& model, const PointCloud& scan,
   }
 
   Registration result;
-  FindMatches(surface, query, topology.boundary, scan, options.final_radius_m, options, matches);
+  FindMatches(surface, query, topology.boundary, scan, options.final_radius_m, 1, options, matches);
   double sum = 0;
   std::size_t found = 0;
   for (const Match& match : matches) {

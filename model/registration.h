@@ -16,6 +16,7 @@ struct RegistrationOptions {
   double anchor = 1e-3;             ///< pull of every vertex towards the model, in scan points
   double tangential = 0.05;         ///< point-to-point share of the data term: keeps vertices from sliding
   double minimum_normal_cosine = 0.5;
+  std::size_t early_points = 20000;  ///< of a scan that has at least twice as many, used until the last two iterations
   double point_sigma_m = 5e-5;      ///< of scan points that carry no sigma
 };
 
