@@ -39,6 +39,7 @@ std::vector<Key> Keys(TrainConfig& c) {
       {"poses", "pressed_weight", &c.person.pressed_weight, 0, 1},
       {"poses", "prior_frames", &c.person.prior_frames, 1e-6, 1000},
       {"poses", "near_rest_rad", &c.person.near_rest_rad, 1e-3, 100},
+      {"poses", "loaded_weight", &c.person.loaded_weight, 1e-3, 1},
       {"poses", "joint_sd_m", &c.person.joint_sd_m, 1e-6, 1},
       {"poses", "joint_sigma_m", &c.person.joint_sigma_m, 1e-6, 1},
       {"skinning", "rounds", &c.skinning_rounds, 1, 10},

@@ -54,6 +54,10 @@ double NearRest(const FootModel& personal, const Eigen::MatrixX3d& theta, double
   return 1 / (1 + squares / (scale_rad * scale_rad));
 }
 
+double LoadWeight(const TrainingFrame& frame, const PersonalOptions& options) {
+  return (frame.contact.array() > 0).any() ? options.loaded_weight : 1;
+}
+
 /// Correctives of the fine surface in a pose, M x 3.
 Eigen::MatrixX3d Correctives(const FootModel& foot, const Eigen::MatrixX3d& theta) {
   const Eigen::Index m = foot.fine.NumVertices();
@@ -70,8 +74,9 @@ Eigen::MatrixX3d RestShape(const FootModel& foot, const FootModel& personal,
   Eigen::MatrixX3d sum = options.prior_frames * prior_m;
   Eigen::VectorXd weight = Eigen::VectorXd::Constant(prior_m.rows(), options.prior_frames);
   std::vector<double> near;
-  for (const ModelParameters& pose : fit.poses)
-    near.push_back(NearRest(personal, pose.theta, options.near_rest_rad));
+  for (std::size_t f = 0; f < frames.size(); ++f)
+    near.push_back(NearRest(personal, fit.poses[f].theta, options.near_rest_rad) *
+                   LoadWeight(frames[f], options));
   const double nearest = *std::max_element(near.begin(), near.end());
   for (std::size_t f = 0; f < frames.size(); ++f) {
     const Eigen::MatrixX3d theta = fit.poses[f].theta;
@@ -182,11 +187,14 @@ PersonalFit StartPerson(const FootModel& foot, std::span<const TrainingFrame> fr
     fit.poses.back().beta.resize(0);
     fit.distance_m.push_back(results.back().mean_distance_m);
   }
+  std::vector<double> says;
+  for (std::size_t f = 0; f < frames.size(); ++f)
+    says.push_back(NearRest(coarse, fit.poses[f].theta, 1) * frames[f].certainty.mean() *
+                   LoadWeight(frames[f], options));
   std::vector<std::size_t> order(frames.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
   std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-    return NearRest(coarse, fit.poses[a].theta, 1) * frames[a].certainty.mean() >
-           NearRest(coarse, fit.poses[b].theta, 1) * frames[b].certainty.mean();
+    return says[a] > says[b];
   });
   order.resize(std::min(order.size(), kShapeFrames));
   Eigen::VectorXd beta = Eigen::VectorXd::Zero(foot.NumBetas());

@@ -38,6 +38,9 @@ struct PersonalOptions {
   /// A joint turned by this much halves what a pose says of the rest shape; the person's nearest pose
   /// counts as one.
   double near_rest_rad = 0.3;
+  /// The glass also bends and widens what does not touch it: a frame with contact counts this much for
+  /// the rest shape.
+  double loaded_weight = 0.1;
   double joint_sd_m = 0.003;   ///< of a joint's centre from where the regressor has it
   double joint_sigma_m = 0.003;
 };

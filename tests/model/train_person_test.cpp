@@ -100,6 +100,29 @@ TEST(FitPerson, UnseenVerticesTakeTheModelsShape) {
   EXPECT_LT((fit.rest_m - person.own.fine.template_m).topRows(40).rowwise().norm().maxCoeff(), 0.004);
 }
 
+TEST(FitPerson, LoadedRegistrationsSayLittleOfTheRestShape) {
+  const FootModel foot = Shipped();
+  Person person = MakePerson(foot, 7, 4);
+  // Two of three feet stand: the glass touches ten vertices and widens all by 2 %.
+  person.frames.pop_back();
+  for (std::size_t f = 1; f < person.frames.size(); ++f) {
+    Eigen::MatrixX3d& vertices = person.frames[f].vertices_m;
+    const double middle = vertices.col(0).mean();
+    vertices.col(0) = (vertices.col(0).array() - middle) * 1.02 + middle;
+    person.frames[f].contact.head(10).setOnes();
+  }
+  const auto width_mm = [](const Eigen::MatrixX3d& rest) {
+    return 1e3 * (rest.col(0).maxCoeff() - rest.col(0).minCoeff());
+  };
+  const auto fitted = [&](double loaded_weight) {
+    const PersonalOptions options{.loaded_weight = loaded_weight};
+    return width_mm(FitPerson(foot, person.frames, StartPerson(foot, person.frames, options), options)
+                        .rest_m);
+  };
+  const double truth = width_mm(person.own.fine.template_m);
+  EXPECT_GT(fitted(1) - truth, 2 * std::abs(fitted(0.1) - truth));
+}
+
 TEST(FitJoints, FindsCentresFromBendsAndKeepsThePriorWithoutThem) {
   const FootModel foot = Shipped();
   std::mt19937_64 engine(3);
