@@ -58,6 +58,18 @@ TEST(RegisterFree, FollowsTheModelWhereTheScanIsMissingAndSaysSo) {
   }
 }
 
+TEST(RegisterFree, ThinsOnlyEarlyIterations) {
+  const Eigen::Vector3d swollen = kAxes + Eigen::Vector3d(0.002, -0.001, 0.0015);
+  const PointCloud scan = SampleMesh(Ellipsoid(swollen, 120, 160), 30000, 5e-5, 13);
+  const TriangleMesh model = Ellipsoid(kAxes, 60, 60);
+  const Registration whole = RegisterFree(model, scan), thinned = RegisterFree(model, scan, {.early_points = 6000});
+  // The last iterations see every point: what is left of the scan and what is known of a vertex are the same.
+  EXPECT_LT((whole.vertices_m - thinned.vertices_m).rowwise().norm().maxCoeff(), 2e-4);
+  EXPECT_EQ(whole.matched, thinned.matched);
+  EXPECT_NEAR(whole.residual_m, thinned.residual_m, 1e-6);
+  EXPECT_LT(((whole.sd_m - thinned.sd_m).array() / whole.sd_m.array()).abs().maxCoeff(), 0.1);
+}
+
 TEST(BoundaryVertices, AreThoseOfTheOpenRim) {
   TriangleMesh mesh = Ellipsoid({1, 1, 1}, 6, 8);
   const std::vector<bool> closed = BoundaryVertices(mesh);
