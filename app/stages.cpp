@@ -65,7 +65,8 @@ fs::path ShippedModel(const char* file) {
   std::error_code ignored;
   const fs::path program = fs::read_symlink("/proc/self/exe", ignored);
   for (fs::path folder = program.parent_path(); folder.has_relative_path(); folder = folder.parent_path()) {
-    if (fs::exists(folder / name)) return folder / name;
+    if (fs::exists(folder / name)) return folder / name;  // run from the build tree
+    if (fs::exists(folder / "share/sole" / name)) return folder / "share/sole" / name;  // installed
   }
   return name;
 }

@@ -24,7 +24,7 @@ struct ModelPair {
 /// Loads a model file and mirrors it.
 ModelPair LoadModelPair(const std::filesystem::path& path);
 /// The shipped model with contact: $SOLE_MODELS/sole-foot-contact.npz if that is set, else models/sole-foot-contact.npz
-/// in a folder above the program's own.
+/// in a folder above the program's own, or share/sole/models there.
 std::filesystem::path DefaultModelPath();
 /// In the same place sole-foot.npz, without contact, from which `sole train` begins.
 std::filesystem::path DefaultTemplatePath();
