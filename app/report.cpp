@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
+#include <Eigen/Geometry>
 #include <fmt/format.h>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -68,6 +70,25 @@ std::string PngBytes(const Picture& picture, const fs::path& folder) {
   return bytes;
 }
 
+Eigen::AlignedBox3d BoxOf(const auto& points) {
+  Eigen::AlignedBox3d box;
+  for (const auto& p : points) box.extend(p.template cast<double>());
+  return box;
+}
+
+/// The frame that shows most: of those with the foot the one that touches the glass most.
+std::optional<std::size_t> ShownFrame(const FitSequence& fit, const io::ContactFile& contact) {
+  std::optional<std::size_t> shown;
+  double most = -1;
+  for (std::size_t f = 0; f < fit.frames.size() && f < contact.contact.size(); ++f) {
+    const double touches = contact.contact[f].probability.sum();
+    if (!fit.frames[f].found || touches <= most) continue;
+    most = touches;
+    shown = f;
+  }
+  return shown;
+}
+
 /// Distance of every point to the true surface, metres; NaN beyond 10 mm or without truth.
 std::vector<double> PointErrors(const PointCloud& cloud, const TriangleMesh& truth) {
   std::vector<double> errors;
@@ -84,8 +105,10 @@ std::string ScanFigures(const PointCloud& cloud, const TriangleMesh& truth, cons
   std::vector<Colour> colours;
   for (const double error : PointErrors(cloud, truth)) colours.push_back(HeatColour(error / kFullScale_m));
   std::string html;
+  const Eigen::AlignedBox3d box = BoxOf(cloud.points_m);
+  if (box.isEmpty()) return "<p>No point.</p>\n";
   for (const NamedView& view : kViews) {
-    Picture picture(480, 480, view.view, {-0.08, -0.15, 0}, {0.08, 0.15, 0.15});
+    Picture picture(480, 480, view.view, box.min(), box.max());
     picture.DrawPoints(cloud.points_m, colours);
     html += Figure("image/png", PngBytes(picture, folder), fmt::format("scan, {}: blue 0 to red 0.1 mm from the true surface", view.name));
   }
@@ -106,8 +129,9 @@ std::string FitFigures(const ModelPair& models, const FrameFit& fit, const Frame
     colours.push_back(touches ? Colour{214, 84, 58} : Colour{224, 190, 168});
   }
   std::string html;
+  const Eigen::AlignedBox3d box = BoxOf(mesh.vertices);
   for (const NamedView& view : kViews) {
-    Picture picture(480, 480, view.view, {-0.08, -0.15, 0}, {0.08, 0.15, 0.12});
+    Picture picture(480, 480, view.view, box.min(), box.max());
     picture.DrawMesh(mesh, colours);
     html += Figure("image/png", PngBytes(picture, folder), fmt::format("fitted foot, {}: red touches the glass", view.name));
   }
@@ -136,8 +160,10 @@ std::string NetworkFigures(const ModelPair& models, const FitSequence& fit, cons
     for (Eigen::Index v = 0; 3 * v < moved.size(); ++v) {
       colours.push_back(HeatColour((moved - resting).segment<3>(3 * v).norm() / kFullScale_m));
     }
-    Picture picture(240, 480, {{0, 0, 1}, {0, 1, 0}}, {-0.08, -0.15, 0}, {0.08, 0.15, 0.12});
-    picture.DrawMesh(model::MeshOf(model, variant, Forward(model, pose, variant).vertices_m), colours);
+    const TriangleMesh mesh = model::MeshOf(model, variant, Forward(model, pose, variant).vertices_m);
+    const Eigen::AlignedBox3d box = BoxOf(mesh.vertices);
+    Picture picture(240, 480, {{0, 0, 1}, {0, 1, 0}}, box.min(), box.max());
+    picture.DrawMesh(mesh, colours);
     html += Figure("image/png", PngBytes(picture, folder), fmt::format("trigger {}, from below: moved by contact, blue 0 to red 4 mm", frame.trigger));
   }
   return html;
@@ -177,29 +203,32 @@ void WriteReport(const fs::path& path, const fs::path& directory, const ModelPai
       "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>Sole report: {0}</title><style>{1}</style>"
       "</head><body><h1>Sole report: {0}</h1>\n",
       reader.Info().name, kStyle);
-  const auto& triggers = reader.Triggers();
-  if (!triggers.empty()) {
-    html += "<h2>What the cameras saw</h2>\n";
-    const FrameSet first = reader.Read(0);
-    for (std::size_t c = 0; c < first.images.size(); ++c) {
-      if (first.images[c]) html += CameraFigure(*first.images[c], reader.Config().cameras[c].serial);
-    }
-  }
-  if (fs::exists(take.Truth()) && !triggers.empty() && fs::exists(take.Scan(triggers[0].trigger))) {
-    html += "<h2>The scan</h2>\n" + ScanFigures(io::ReadPlyCloud(take.Scan(triggers[0].trigger)),
-                                                io::ReadPlyMesh(take.TruthMesh(triggers[0].trigger)), folder);
-  }
+  std::string feet;
+  std::int64_t shown_trigger = reader.Triggers().empty() ? 0 : reader.Triggers()[0].trigger;
   for (int foot = 1; fs::exists(OfFoot(take.Fit(), foot)); ++foot) {
     const FitSequence fit = io::ReadFit(OfFoot(take.Fit(), foot));
     const io::ContactFile contact = io::ReadContact(OfFoot(take.Contact(), foot));
-    for (std::size_t f = 0; f < fit.frames.size(); ++f) {
-      if (!fit.frames[f].found || contact.contact.size() <= f) continue;
-      html += fmt::format("<h2>The fitted foot{} and its contact</h2>\n", foot == 1 ? "" : fmt::format(" {}", foot)) +
-              FitFigures(models, fit.frames[f], contact.contact[f], folder);
-      break;
+    if (const auto f = ShownFrame(fit, contact)) {
+      if (foot == 1) shown_trigger = fit.frames[*f].trigger;
+      feet += fmt::format("<h2>The fitted foot{} and its contact, trigger {}</h2>\n", foot == 1 ? "" : fmt::format(" {}", foot),
+                          fit.frames[*f].trigger) +
+              FitFigures(models, fit.frames[*f], contact.contact[*f], folder);
     }
-    if (!models.right.network.empty()) html += "<h2>How contact deforms the sole</h2>\n" + NetworkFigures(models, fit, contact, folder);
+    if (!models.right.network.empty()) feet += "<h2>How contact deforms the sole</h2>\n" + NetworkFigures(models, fit, contact, folder);
   }
+  for (std::size_t t = 0; t < reader.Triggers().size(); ++t) {
+    if (reader.Triggers()[t].trigger != shown_trigger) continue;
+    html += fmt::format("<h2>What the cameras saw, trigger {}</h2>\n", shown_trigger);
+    const FrameSet set = reader.Read(t);
+    for (std::size_t c = 0; c < set.images.size(); ++c) {
+      if (set.images[c]) html += CameraFigure(*set.images[c], reader.Config().cameras[c].serial);
+    }
+  }
+  if (fs::exists(take.Truth()) && fs::exists(take.Scan(shown_trigger))) {
+    html += fmt::format("<h2>The scan, trigger {}</h2>\n", shown_trigger) +
+            ScanFigures(io::ReadPlyCloud(take.Scan(shown_trigger)), io::ReadPlyMesh(take.TruthMesh(shown_trigger)), folder);
+  }
+  html += feet;
   html += "<h2>Figures against truth</h2>\n" + Table(summary) + "</body></html>\n";
   io::WriteStringAtomically(path, html);
 }
