@@ -1,6 +1,7 @@
 #include "app/report.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <optional>
 
@@ -57,9 +58,12 @@ struct NamedView {
   const char* name;
   View view;
 };
-const NamedView kViews[] = {{"from above, medial side", {{0.55, 0.25, -0.6}}},
-                            {"lateral side", {{-0.9, -0.15, -0.3}}},
-                            {"sole", {{0, 0, 1}, Eigen::Vector3d::UnitY()}}};
+std::array<NamedView, 3> Views(Side side) {
+  const double lateral = side == Side::kRight ? 1 : -1;
+  return {{{"from above, medial side", {{0.55 * lateral, 0.25, -0.6}}},
+           {"lateral side", {{-0.9 * lateral, -0.15, -0.3}}},
+           {"sole", {{0, 0, 1}, Eigen::Vector3d::UnitY()}}}};
+}
 
 /// Renders through a temporary PNG and returns its bytes.
 std::string PngBytes(const Picture& picture, const fs::path& folder) {
@@ -100,14 +104,14 @@ std::vector<double> PointErrors(const PointCloud& cloud, const TriangleMesh& tru
   return errors;
 }
 
-std::string ScanFigures(const PointCloud& cloud, const TriangleMesh& truth, const fs::path& folder) {
+std::string ScanFigures(const PointCloud& cloud, const TriangleMesh& truth, Side side, const fs::path& folder) {
   constexpr double kFullScale_m = 0.0001;
   std::vector<Colour> colours;
   for (const double error : PointErrors(cloud, truth)) colours.push_back(HeatColour(error / kFullScale_m));
   std::string html;
   const Eigen::AlignedBox3d box = BoxOf(cloud.points_m);
   if (box.isEmpty()) return "<p>No point.</p>\n";
-  for (const NamedView& view : kViews) {
+  for (const NamedView& view : Views(side)) {
     Picture picture(480, 480, view.view, box.min(), box.max());
     picture.DrawPoints(cloud.points_m, colours);
     html += Figure("image/png", PngBytes(picture, folder), fmt::format("scan, {}: blue 0 to red 0.1 mm from the true surface", view.name));
@@ -115,22 +119,30 @@ std::string ScanFigures(const PointCloud& cloud, const TriangleMesh& truth, cons
   return html;
 }
 
-/// The registered fine surface, its contact at the template's vertices spread to their neighbourhood.
+/// Skin to red as contact, spread from the template's vertices to the fine ones, passes a half.
+Colour ContactColour(double contact) {
+  const double red = std::clamp(3 * (contact - 0.5) + 0.5, 0.0, 1.0);
+  const auto mix = [&](double skin, double touching) { return static_cast<std::uint8_t>(std::lround(skin + red * (touching - skin))); };
+  return {mix(224, 214), mix(190, 84), mix(168, 58)};
+}
+
+/// The registered surface and its contact.
 std::string FitFigures(const ModelPair& models, const FrameFit& fit, const FrameContact& contact, const fs::path& folder) {
   const model::FootModel& model = fit.side == Side::kRight ? models.right : models.left;
-  const bool fine = fit.registration_fine_m.rows() > 0;
-  const Eigen::MatrixX3d& vertices = fine ? fit.registration_fine_m : fit.registration_m;
-  const TriangleMesh mesh = model::MeshOf(model, fine ? model::Variant::kFine : model::Variant::kCoarse, vertices);
+  const bool fine = fit.registration_fine_m.rows() > 0 && !model.upsampling.empty();
+  const TriangleMesh mesh = model::MeshOf(model, fine ? model::Variant::kFine : model::Variant::kCoarse,
+                                          fine ? fit.registration_fine_m : fit.registration_m);
   std::vector<Colour> colours;
-  for (Eigen::Index v = 0; v < vertices.rows(); ++v) {
-    Eigen::Index nearest = 0;
-    (fit.registration_m.rowwise() - vertices.row(v)).rowwise().squaredNorm().minCoeff(&nearest);
-    const bool touches = contact.contact[static_cast<std::size_t>(nearest)] != 0;
-    colours.push_back(touches ? Colour{214, 84, 58} : Colour{224, 190, 168});
+  for (std::size_t v = 0; v < mesh.vertices.size(); ++v) {
+    double touches = 0;
+    for (const auto& [vertex, weight] : fine ? model.upsampling[v] : model::UpsamplingRow{{static_cast<int>(v), 1.0}}) {
+      touches += weight * contact.contact[static_cast<std::size_t>(vertex)];
+    }
+    colours.push_back(ContactColour(touches));
   }
   std::string html;
   const Eigen::AlignedBox3d box = BoxOf(mesh.vertices);
-  for (const NamedView& view : kViews) {
+  for (const NamedView& view : Views(fit.side)) {
     Picture picture(480, 480, view.view, box.min(), box.max());
     picture.DrawMesh(mesh, colours);
     html += Figure("image/png", PngBytes(picture, folder), fmt::format("fitted foot, {}: red touches the glass", view.name));
@@ -204,12 +216,16 @@ void WriteReport(const fs::path& path, const fs::path& directory, const ModelPai
       "</head><body><h1>Sole report: {0}</h1>\n",
       reader.Info().name, kStyle);
   std::string feet;
+  Side side = Side::kRight;
   std::int64_t shown_trigger = reader.Triggers().empty() ? 0 : reader.Triggers()[0].trigger;
   for (int foot = 1; fs::exists(OfFoot(take.Fit(), foot)); ++foot) {
     const FitSequence fit = io::ReadFit(OfFoot(take.Fit(), foot));
     const io::ContactFile contact = io::ReadContact(OfFoot(take.Contact(), foot));
     if (const auto f = ShownFrame(fit, contact)) {
-      if (foot == 1) shown_trigger = fit.frames[*f].trigger;
+      if (foot == 1) {
+        shown_trigger = fit.frames[*f].trigger;
+        side = fit.frames[*f].side;
+      }
       feet += fmt::format("<h2>The fitted foot{} and its contact, trigger {}</h2>\n", foot == 1 ? "" : fmt::format(" {}", foot),
                           fit.frames[*f].trigger) +
               FitFigures(models, fit.frames[*f], contact.contact[*f], folder);
@@ -226,7 +242,7 @@ void WriteReport(const fs::path& path, const fs::path& directory, const ModelPai
   }
   if (fs::exists(take.Truth()) && fs::exists(take.Scan(shown_trigger))) {
     html += fmt::format("<h2>The scan, trigger {}</h2>\n", shown_trigger) +
-            ScanFigures(io::ReadPlyCloud(take.Scan(shown_trigger)), io::ReadPlyMesh(take.TruthMesh(shown_trigger)), folder);
+            ScanFigures(io::ReadPlyCloud(take.Scan(shown_trigger)), io::ReadPlyMesh(take.TruthMesh(shown_trigger)), side, folder);
   }
   html += feet;
   html += "<h2>Figures against truth</h2>\n" + Table(summary) + "</body></html>\n";
