@@ -1,7 +1,5 @@
 #pragma once
 
-#include <atomic>
-
 namespace CLI {
 class App;
 }
@@ -12,7 +10,6 @@ namespace sole::app {
 struct CommonOptions {
   int threads = 0;
   bool json = false;
-  const std::atomic<bool>* stop = nullptr;  ///< set by Ctrl-C
 };
 
 /// Registers every command; running one sets `status` (the exit status) or throws Error.

@@ -16,6 +16,7 @@
 #include "app/console.h"
 #include "app/evaluate.h"
 #include "app/ground.h"
+#include "app/interrupt.h"
 #include "app/take_list.h"
 #include "calib/calibrate.h"
 #include "calib/colmap_calibration.h"
@@ -210,7 +211,7 @@ void AddCalibrateCommands(CLI::App& app, CommonOptions& common, int& status) {
     if (a->takes.empty() == a->images.empty()) throw CLI::RequiredError("either TAKE or --images");
     if (a->out.empty()) throw CLI::RequiredError("--out");
     const ThreadCap cap(common.threads);
-    print(a->images.empty() ? RunCalibrate(*a, {.threads = common.threads, .stop = common.stop}) : CalibrateImages(a->images, a->target, a->judge, a->out));
+    print(a->images.empty() ? RunCalibrate(*a, {.threads = common.threads, .stop = StopOnInterrupt()}) : CalibrateImages(a->images, a->target, a->judge, a->out));
   });
   check->footer("Example: sole calibrate check takes/S017 --calibration rig-calibration.json\n"
                 "         sole calibrate check takes/S017 --calibration rig-calibration.json --readjust --out new.json\n"

@@ -12,6 +12,7 @@
 #include "app/commands.h"
 #include "app/console.h"
 #include "app/epipolar.h"
+#include "app/interrupt.h"
 #include "app/keyboard.h"
 #include "app/live_table.h"
 #include "app/pseudonym.h"
@@ -150,7 +151,7 @@ capture::RecordOptions OptionsFrom(const RecordArguments& a, const RigConfig& co
 int RecordCommand(const RecordArguments& a, const CommonOptions& common) {
   const RigConfig config = io::ReadRigFile(a.rig);
   capture::RecordOptions options = OptionsFrom(a, config);
-  options.stop = common.stop;
+  options.stop = StopOnInterrupt();
   std::optional<ViewServer> view;
   if (a.view) {
     view.emplace(*a.view);

@@ -11,6 +11,7 @@
 #include "app/console.h"
 #include "app/evaluate.h"
 #include "app/fit_scan.h"
+#include "app/interrupt.h"
 #include "app/register_dataset.h"
 #include "app/stages.h"
 #include "core/error.h"
@@ -26,7 +27,7 @@ struct Arguments {
   bool floor = false;
 };
 
-nlohmann::json Run(const Arguments& a, const CommonOptions& common) {
+nlohmann::json Run(const Arguments& a) {
   if (a.takes.empty() == a.scan.empty()) throw CLI::RequiredError("either TAKE or --scan");
   const ModelPair models = LoadModelPair(a.model.empty() ? DefaultModelPath() : fs::path(a.model));
   if (!a.scan.empty()) {
@@ -39,7 +40,7 @@ nlohmann::json Run(const Arguments& a, const CommonOptions& common) {
   if (!fs::exists(fs::path(a.takes[0]) / "dataset.json")) return RunFit({a.takes.begin(), a.takes.end()}, models);
   Require(a.takes.size() == 1, a.takes[0] + " is a dataset: fit it alone");
   std::unique_ptr<Progress> progress;
-  return RegisterDataset(a.takes[0], models, {.stop = common.stop}, [&](int done, int all) {
+  return RegisterDataset(a.takes[0], models, {.stop = StopOnInterrupt()}, [&](int done, int all) {
     if (!progress) progress = std::make_unique<Progress>("people", all);
     progress->Set(done);
   });
@@ -70,7 +71,7 @@ void AddFitCommand(CLI::App& app, CommonOptions& common, int& status) {
   fit->add_option("--model", a->model, "Foot model; default: the shipped one");
   fit->callback([a, &common, &status] {
     const ThreadCap cap(common.threads);
-    const nlohmann::json account = Run(*a, common);
+    const nlohmann::json account = Run(*a);
     fmt::print("{}", common.json ? account.dump(2) + "\n" : FormatSummary(account));
     status = 0;
   });

@@ -8,6 +8,7 @@
 
 #include "app/commands.h"
 #include "app/console.h"
+#include "app/interrupt.h"
 #include "app/scans.h"
 #include "core/error.h"
 
@@ -23,7 +24,7 @@ struct ScansArguments {
 void ScansCommand(ScansArguments a, const CommonOptions& common) {
   const Stopwatch watch;
   if (!a.parameters.empty()) a.options.noise = sim::ReadScanNoise(a.parameters);
-  a.options.stop = common.stop;
+  a.options.stop = StopOnInterrupt();
   ScanDatasetResult result;
   {
     Progress progress("people", a.options.people);

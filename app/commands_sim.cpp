@@ -10,6 +10,7 @@
 #include "app/console.h"
 #include "app/demo.h"
 #include "app/evaluate.h"
+#include "app/interrupt.h"
 #include "app/simulation.h"
 #include "core/error.h"
 #include "io/rig_file.h"
@@ -66,14 +67,15 @@ RigConfig ConfigFor(const SimArguments& a) {
   return config;
 }
 
-int Serve(const SimArguments& a, const CommonOptions& common) {
+int Serve(const SimArguments& a) {
   const RigConfig config = ConfigFor(a);
   Simulation simulation(config, a.rig_seed ? a.rig_seed : a.seed, a.seed);
   const RenderedTake rendered = RenderFor(a, simulation);
   const sim::CameraServer server = ServeRendered(config, rendered);
+  const std::atomic<bool>& stop = *StopOnInterrupt();
   Log(fmt::format("serving {} cameras at {} onwards, trigger bus on port {}; Ctrl-C ends", config.cameras.size(),
                   config.cameras.front().address, server.BusPort()));
-  while (!*common.stop) usleep(100000);
+  while (!stop) usleep(100000);
   for (const sim::ServedCameraStats& s : server.Stats()) {
     Log(fmt::format("{}: {} triggers, {} frames sent, {} packets", s.serial, s.triggers, s.frames_sent, s.packets_sent));
   }
@@ -103,7 +105,7 @@ void AddSimCommands(CLI::App& app, CommonOptions& common, int& status) {
   AddSceneOptions(serve, *a);
   serve->callback([=, &common, &status] {
     const ThreadCap cap(common.threads);
-    status = Serve(*a, common);
+    status = Serve(*a);
   });
   CLI::App* render = sim->add_subcommand("render", "Renders a take with its truth straight to disk");
   render->footer("Example: sole sim render rig.toml --out take --seed 7 --motion rock --frames 20");

@@ -11,6 +11,7 @@
 
 #include "app/commands.h"
 #include "app/console.h"
+#include "app/interrupt.h"
 #include "app/take_extract.h"
 #include "core/error.h"
 #include "core/ranges.h"
@@ -54,7 +55,7 @@ std::string CameraLine(const io::CameraRecovery& c, std::int64_t triggers) {
 int Recover(const std::string& take, const CommonOptions& common) {
   LateProgress progress("check records");
   const io::TakeRecovery result =
-      io::RecoverTake(take, {.progress = std::ref(progress), .stop = common.stop});
+      io::RecoverTake(take, {.progress = std::ref(progress), .stop = StopOnInterrupt()});
   progress.End();
   if (common.json) {
     json cameras = json::array();
@@ -91,7 +92,7 @@ json CamerasJson(const io::TakeCheck& check) {
 int Verify(const std::string& take, const CommonOptions& common) {
   LateProgress progress("check records");
   const io::TakeCheck check =
-      io::CheckTake(take, {.threads = common.threads, .progress = std::ref(progress), .stop = common.stop});
+      io::CheckTake(take, {.threads = common.threads, .progress = std::ref(progress), .stop = StopOnInterrupt()});
   progress.End();
   std::int64_t records = 0;
   for (const io::CameraCheck& c : check.cameras) records += c.records;
@@ -131,7 +132,7 @@ int Info(const std::string& take, const CommonOptions& common) {
 int Archive(const std::string& take, bool restore, io::TakeArchiveOptions options, const CommonOptions& common) {
   LateProgress progress(restore ? "restore" : "archive");
   options.progress = std::ref(progress);
-  options.stop = common.stop;
+  options.stop = StopOnInterrupt();
   options.threads = common.threads;
   const io::TakeArchiveResult result = restore ? io::RestoreTake(take, options) : io::ArchiveTake(take, options);
   progress.End();
@@ -170,7 +171,7 @@ int Extract(const std::string& take, const std::string& range, ExtractOptions op
   ParseRange(range, options);
   LateProgress progress("extract");
   options.progress = std::ref(progress);
-  options.stop = common.stop;
+  options.stop = StopOnInterrupt();
   const ExtractResult result = ExtractTake(take, options);
   progress.End();
   if (common.json)

@@ -6,6 +6,7 @@
 
 #include "app/commands.h"
 #include "app/console.h"
+#include "app/interrupt.h"
 #include "app/stages.h"
 #include "app/train.h"
 
@@ -47,7 +48,7 @@ void TrainCommand(const TrainArguments& a, const CommonOptions& common) {
                                                     : std::filesystem::path(a.model_template);
   options.ablation = a.ablation;
   options.truth = a.truth;
-  options.stop = common.stop;
+  options.stop = StopOnInterrupt();
   const nlohmann::json account = TrainModel(a.dataset, a.out, options);
   fmt::print("{}", common.json ? account.dump(2) + "\n" : FormatTraining(account, a.out));
 }

@@ -1,6 +1,3 @@
-#include <unistd.h>
-
-#include <atomic>
 #include <csignal>
 #include <cstdio>
 #include <exception>
@@ -13,19 +10,7 @@
 #include "app/console.h"
 #include "core/error.h"
 
-namespace {
-
-/// Ctrl-C: the first one asks the running command to end cleanly.
-std::atomic<bool> stop_requested{false};
-void OnInterrupt(int) {
-  if (stop_requested.exchange(true)) _exit(130);
-}
-
-}  // namespace
-
 int main(int argc, char** argv) {
-  std::signal(SIGINT, OnInterrupt);
-  std::signal(SIGTERM, OnInterrupt);
   std::signal(SIGPIPE, SIG_IGN);
   std::signal(SIGXFSZ, SIG_IGN);  // a file size limit is an error like a full disk
 
@@ -35,7 +20,6 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   app.fallthrough();
   sole::app::CommonOptions common;
-  common.stop = &stop_requested;
   app.add_option("--threads", common.threads, "Number of threads for every stage; 0 takes all cores")
       ->check(CLI::Range(0, 1024));
   app.add_flag("--json", common.json, "Print the result as JSON on stdout; everything else goes to stderr");
